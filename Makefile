@@ -539,10 +539,10 @@ AT_PORT = $(if $(PORT),--port '$(PORT)')
 run-native: build $(VENV) ## See it: the gateway on this machine, built and shown in a minute (KEEP=1; PORT=2405)
 	@$(LAB) $(AT_PORT) $(if $(KEEP),--keep)
 
-# The system of `make run`, for a site of its own.
+# The system of `make run`, for a site of its own; its engineer brings the configuration with SNMPv3 later.
 lab: $(VENV) build/packages-twin.done ## Build: the image that `make run` boots
 	@$(LAB).site build/site
-	@$(MAKE) image-debian SITE=build/site/lab
+	@$(MAKE) image-debian SITE=build/site/lab GATEWAY=gateway-tls
 
 # 20 simulated stations, or STATIONS=file, the centre's file of one's own.
 centre: build centre-page $(VENV) ## See it: a control centre with 20 simulated RTUs (KEEP=1; PORT=; STATIONS=file)

@@ -66,7 +66,7 @@ REACH = [
     ("docs/snmp.md", "tests/test_snmp.py"),
     ("docs/examples/snmp/*", "tests/test_snmp.py"),
     ("docs/iec61850.md", "tests/test_iec61850*.py"),
-    ("docs/logic.md", "tests/test_logic.py"),
+    ("docs/logic.md", "tests/test_logic.py tests/test_docs_commands.py"),
     ("docs/blocks.md", "tests/test_logic_blocks.py"),
     ("README.md", "tests/test_foreign.py"),
     ("docs/writing-a-module.md", "tests/test_foreign.py"),
@@ -112,6 +112,7 @@ REACH = [
         " tests/test_synch.py tests/test_docs_commands.py tests/test_event_journal.py",
     ),
     ("scripts/block-plots.py", "lint tests/test_logic_blocks.py"),
+    ("scripts/scl.py", "lint tests/test_iec61850_cid.py"),
     ("scripts/snmp-keys.py", "lint tests/test_snmp.py"),
     ("scripts/web-users.py", "lint tests/test_web.py tests/centre/test_web_page.py"),
     (

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The commands and options that the pages name are those that the programs have."""
 
+import os
 import re
 import subprocess
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ import pytest
 import logic.cli
 import nuc980.netboot.cli
 import nuc980.pins.cli
+from lab.gateway import free_port, remove, run_directory
 from test_tree import PAGES, ROOT, code_of
 
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
@@ -70,3 +72,51 @@ def test_options_of_the_tools(tool: str, capsys: pytest.CaptureFixture[str]) -> 
     helps = general + "".join(help_of(name) for name in subcommands)
     assert lines_with(tool)
     assert unknown_options(tool, helps) == []
+
+
+# ---- the tutorial of logic, word for word ------------------------------------------------------------
+
+BLOCK = re.compile(r"(?:as\s`([\w.-]+)`:\n\n)?^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+PATIENCE_S = 60.0
+
+
+@pytest.fixture
+def folder() -> Iterator[Path]:
+    """One that modules, which are of other users, can reach."""
+    folder = run_directory()
+    yield folder
+    remove(folder)
+
+
+@pytest.mark.slow
+def test_an_empty_file_becomes_a_tested_interlock(programs: Path, folder: Path) -> None:
+    """Files are saved, commands typed, and what they print is what the page shows."""
+    page = (ROOT / "docs/logic.md").read_text()
+    chapter = page[page.index("## From an empty file") : page.index("## Check, test, run")]
+    begin, *blocks = BLOCK.findall(chapter)
+    tools = ("scripts", "build/native/rtud", "build/native/rtuctl")
+    assert f"export OPENRTU=$PWD PATH={':'.join(f'$PWD/{tool}' for tool in tools)}:$PATH" in begin[2]
+    path = f"{ROOT}/scripts:{programs}/rtud:{programs}/rtuctl:{os.environ['PATH']}"
+    script = ["exec 2>&1", f"cd {folder}"]
+    wanted = ""
+    for file, kind, text in blocks:
+        if kind == "text":
+            wanted += text
+        elif kind == "sh":
+            script.append(text.replace("$OPENRTU/build/native", str(programs)))
+            if "rtud --map map" in text:
+                runs = "until rtuctl --map map points 2>&1 | grep -q locked.*good; do sleep 0.1; done"
+                script.append(f"trap 'kill %1; wait' EXIT; timeout {PATIENCE_S} sh -c '{runs}'")
+        else:
+            assert file, f"nothing says what to do with:\n{text}"
+            script.append(
+                f"cat > {file} <<'END OF FILE'\n{text.replace('2404', str(free_port()))}END OF FILE"
+            )
+    done = subprocess.run(
+        ["bash", "-c", "\n".join(script)],
+        env=os.environ | {"PATH": path},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stdout == wanted

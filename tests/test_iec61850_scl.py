@@ -13,7 +13,7 @@ from desk import chapter_5
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from peers import mms, scl
 
-DEVICE = "OpenRTUCA1010"
+DEVICE, TRANSFORMED = "OpenRTUCA1010", "OpenRTUCA7"
 NODES = {  # points of DEVICE that are more than GGIO's
     "feeder10.breaker-command": "Q0CSWI1.Pos",
     "feeder10.breaker-position": "Q0XCBR1.Pos",
@@ -34,9 +34,30 @@ def site_config(port: int) -> dict[str, Any]:
         if each["name"] in NODES:
             each["ln"] = NODES[each["name"]]
     config["modules"] = [TRANSFORMER]
+    config["iec61850"]["data_sets"] = CHOSEN
     return config
 
 
+CHOSEN = [
+    {
+        "name": "Tap",
+        "points": ["t1.limit", "t1.tap", "t1.energy"],  # of several nodes, under ST and MX
+        "reports": [
+            {
+                "name": "brcbTap",
+                "buffered": True,
+                "instances": 2,
+                "id": "T1 & tap",
+                "triggers": ["dchg", "dupd", "period"],
+                "options": ["seqNum", "entryID", "configRef"],
+                "buffer_ms": 40,
+                "integrity_ms": 60000,
+            },
+            {"name": "urcbTap", "triggers": ["gi"], "options": ["dataRef", "dataSet"]},
+        ],
+    },
+    {"name": "All", "conf_rev": 7, "points": ["t1.trip", "t1.tap"], "reports": [{"name": "urcbAll"}]},
+]
 TRANSFORMER = {
     "name": "transformer",
     "program": "/bin/false",
@@ -200,6 +221,85 @@ def test_another_ln_starts_the_module_again(gateway: Gateway) -> None:
                 return False  # it ends, or has not begun
 
         gateway.wait_for(renamed, 20, "the point has its other name")
+
+
+@pytest.mark.parametrize(
+    ("device", "block"), [(DEVICE, "urcbStatus01"), (DEVICE, "brcbMeasured02"), (TRANSFORMED, "urcbTap01")]
+)
+def test_a_report_has_the_members_of_all_nodes(gateway: Gateway, device: str, block: str) -> None:
+    """What an interrogation tells is what a Read of the same names does."""
+    path = f"LLN0${'BR' if block[0] == 'b' else 'RP'}${block}"
+    yes = bytes.fromhex("8301ff")
+    with mms.Client(gateway.configuration()["iec61850"]["port"], 65000) as client:
+        ((_, of),) = client.values((device, f"{path}$DatSet"))
+        names = served_members(client, device, of.decode().partition("/")[2])
+        writes = [("TrgOps", "84020204"), ("OptFlds", "8403060400")]  # gi, dataRef
+        for name, octets in writes:
+            assert client.write(device, (f"{path}${name}", bytes.fromhex(octets))) == [mms.DONE]
+        assert client.write(device, (f"{path}$RptEna", yes), (f"{path}$GI", yes)) == [mms.DONE] * 2
+        _, _, _, *rest = client.report()
+        assert len(rest) == 2 * len(names)
+        references, values = rest[: len(names)], rest[len(names) :]
+        assert [text.decode() for _, text in references] == [f"{device}/{name}" for name in names]
+        assert values == client.values(*[(device, name) for name in names])
+        assert len({name.partition("$")[0] for name in names}) > 1
+
+
+def test_blocks_begin_as_the_file_has_them(gateway: Gateway) -> None:
+    attributes = ["RptID", "ConfRev", "OptFlds", "BufTm", "TrgOps", "IntgPd", "ResvTms"]
+    with mms.Client(gateway.configuration()["iec61850"]["port"], 65000) as client:
+        names = [(TRANSFORMED, f"LLN0$BR$brcbTap02${name}") for name in attributes]
+        text, _, options, buffer_ms, triggers, integrity_ms, reserved = client.values(*names)
+        assert text == (0x8A, b"T1 & tap") and reserved == (0x85, b"\0")
+        assert (options[1], triggers[1]) == (bytes.fromhex("064180"), bytes.fromhex("0258"))
+        assert (buffer_ms[1], integrity_ms[1]) == (b"\x28", b"\0\xea\x60")
+        assert client.values((TRANSFORMED, "LLN0$RP$urcbAll01$ConfRev")) == [(0x86, b"\7")]
+
+
+def test_a_reservation_outlives_the_association_of_its_client(gateway: Gateway) -> None:
+    port = gateway.configuration()["iec61850"]["port"]
+    block, busy = "LLN0$BR$brcbTap01", (0x80, b"\2")
+
+    def reserve(client: mms.Client, seconds: int) -> list[tuple[int, bytes]]:
+        return client.write(TRANSFORMED, (f"{block}$ResvTms", mms.element(0x85, bytes([seconds]))))
+
+    def owner(client: mms.Client) -> bytes:
+        return client.values((TRANSFORMED, f"{block}$Owner"))[0][1]
+
+    with mms.Client(port, 65000, source="127.0.0.2") as client:
+        assert owner(client) == b""
+        assert reserve(client, 0xFF) == [(0x80, b"\x0b")]  # -1 is of configurations
+        assert reserve(client, 100) == [mms.DONE]
+        assert owner(client) == bytes([127, 0, 0, 2])
+        assert client.write(TRANSFORMED, (f"{block}$Owner", mms.element(0x89, b""))) == [(0x80, b"\3")]
+    with mms.Client(port, 65000) as other:
+        gateway.wait_for(lambda: not gateway.query("iec61850")[0]["blocks"], 10, "its client is gone")
+        assert reserve(other, 1) == [busy] and owner(other) == bytes([127, 0, 0, 2])
+        with mms.Client(port, 65000, source="127.0.0.2") as again:
+            assert reserve(again, 1) == [mms.DONE]
+        gateway.wait_for(lambda: owner(other) == b"", 20, "the reservation is over")
+        assert reserve(other, 1) == [mms.DONE] and owner(other) == bytes([127, 0, 0, 1])
+        assert reserve(other, 0) == [mms.DONE] and owner(other) == b""
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"points": ["t1.tap", "feeder10.active-power"]}, "another common address"),
+        ({"points": ["t1.tap", "t1.tap"]}, "in the data set already"),
+        ({"points": ["t1.lost"]}, "the name of no point"),
+        ({"points": []}, "expected one at least"),
+        ({"name": "1st"}, "no name of SCL"),
+        ({"name": "All"}, 'two data sets "All" of CA 7'),
+        ({"reports": [{"name": "urcbAll"}]}, 'two control blocks "urcbAll"'),
+        ({"reports": [{"name": "x", "options": ["entryID"]}]}, "of buffered reports alone"),
+        ({"reports": [{"name": "x", "triggers": ["GI"]}]}, "is none of dchg qchg dupd period gi"),
+    ],
+)
+def test_data_sets_are_checked(describe: Describe, change: dict[str, Any], said: str) -> None:
+    config = site_config(102)
+    config["iec61850"]["data_sets"] = [CHOSEN[0] | change, CHOSEN[1]]
+    describe(config, code=1, said=said)
 
 
 def test_an_icd_is_of_any_such_ied(describe: Describe) -> None:

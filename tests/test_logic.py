@@ -19,6 +19,7 @@ from logic.compile import compile_text
 from logic.desk import Desk, Scan, Value, desk_command
 from logic.errors import Findings
 from logic.table import ANSWERS
+from logic.watch import named
 from logic_findings import MODE, UNIT, findings_of
 from logic_reference import INPUTS, Random, Reference, text_of
 
@@ -304,6 +305,61 @@ m[2](go := TRUE); n := m[2].starts; END_PROGRAM"""
         assert desk.reload(compile_text(text.format("2..5"), Findings())) == 1
         values += [desk.scan(n * SECOND, SECOND, 0, {}).outputs["n"].value for n in range(3)]
     assert values == [0, 1, 1, 1, 2, 2]
+
+
+STATION = """TYPE pump : STRUCT m : motor; limit : INT := 1; up : ARRAY[0..1] OF CTU; END_STRUCT
+station : STRUCT pumps : ARRAY[1..2] OF pump := [(limit := 2)]; alone : pump; END_STRUCT END_TYPE
+"""
+IN_STRUCTURES = """FOR k := 1 TO 2 DO
+  s.pumps[k].m(go := k = i); s.pumps[k].up[1](CU := s.pumps[k].m.runs, PV := s.pumps[k].limit);
+END_FOR;
+s.alone.m(go := i = 0); n := s.pumps[i].m.starts; x := s.pumps[1].up[1].Q; one := s.alone.m.starts;
+IF s.alone.m.runs THEN MESSAGE(s.alone.m.last); END_IF;"""
+BESIDE = {
+    "s.pumps[k].m": "m[k]",
+    "s.pumps[i].m": "m[i]",
+    "s.pumps[k].up[1]": "up[k]",
+    "s.pumps[1].up[1]": "up[1]",
+}
+BESIDE |= {"s.pumps[k].limit": "limit[k]", "s.alone.m": "alone"}
+
+
+def test_blocks_in_structures_are_blocks_beside_them() -> None:
+    """Its text with variables of their own in their place does the same, quality and faults too."""
+    points = "VAR_EXTERNAL i, n, one : INT; x : BOOL; END_VAR VAR k : INT; "
+    plain = IN_STRUCTURES
+    for inside, outside in BESIDE.items():
+        plain = plain.replace(inside, outside)
+    assert "s." not in plain.replace("alone", "").replace("starts", "")
+    own = "m : ARRAY[1..2] OF motor; up : ARRAY[1..2] OF CTU; limit : ARRAY[1..2] OF INT := [2, 1];"
+    inputs = [Value(at, 0x40 if n == 9 else 0) for n, at in enumerate((1, 1, 2, 2, 0, 0, 1, 1, 2, 2, 3, 1))]
+    given = [{"i": one} for one in inputs]
+    found = scans(IN_STRUCTURES, f"{points} s : station; END_VAR", *given, units=MOTORS + STATION)
+    other = scans(plain, f"{points} {own} alone : motor; END_VAR", *given, units=MOTORS)
+    assert [scan.outputs for scan in found] == [scan.outputs for scan in other]
+    assert [scan.faults for scan in found] == [scan.faults for scan in other]
+    assert [scan.messages for scan in found] != [()] * len(found)
+    shown = "".join(str(int(scan.outputs["n"].value)) for scan in found[:9])
+    assert shown == "010100121" and found[7].outputs["x"].value is True
+
+
+def test_blocks_in_structures_are_retained_and_watched() -> None:
+    text = (
+        MOTORS
+        + STATION
+        + """PROGRAM p VAR_EXTERNAL n : INT; END_VAR VAR {} : station; END_VAR
+s.pumps[2].m(go := TRUE); n := s.pumps[2].m.starts + s.pumps[2].limit; END_PROGRAM"""
+    )
+    program = compile_text(text.format("s"), Findings())
+    inside = set(program.debug.variables)
+    assert {"S.PUMPS[1].M.STARTS", "S.PUMPS[2].M.LATE.ET", "S.PUMPS[2].UP[1].CV", "S.ALONE.M.LAST"} <= inside
+    sights = named(text.format("s"), program)[-1]
+    assert {one.path for one in sights} >= {"S.PUMPS[2].M.STARTS", "S.PUMPS[2].M.RUNS", "S.PUMPS[2].LIMIT"}
+    with Desk(program) as desk:
+        values = [desk.scan(n * SECOND, SECOND, 0, {}).outputs["n"].value for n in range(3)]
+        assert desk.reload(compile_text(text.format("before, s"), Findings())) == 3
+        values += [desk.scan(n * SECOND, SECOND, 0, {}).outputs["n"].value for n in range(3)]
+    assert values == [1, 2, 2, 2, 3, 3]
 
 
 @pytest.mark.parametrize(

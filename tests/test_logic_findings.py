@@ -98,6 +98,9 @@ PROGRAM p VAR i : INT; END_VAR i := f(1); END_PROGRAM"""
     assert any("G contains itself" in finding for finding in findings_of(text))
 
 
+BLOCKS = "TYPE t : STRUCT a : TON; c : ARRAY[0..1] OF CTU; n : INT; END_STRUCT; END_TYPE "
+
+
 @pytest.mark.parametrize(
     ("types", "declared", "body", "expected"),
     [
@@ -142,10 +145,33 @@ PROGRAM p VAR i : INT; END_VAR i := f(1); END_PROGRAM"""
             "T contains itself",
         ),
         (
-            "TYPE t : STRUCT a : TON; END_STRUCT; END_TYPE ",
+            "TYPE t : ARRAY[1..2] OF TON; END_TYPE ",
             "",
             "",
             "an instance of TON must be a plain variable",
+        ),
+        (BLOCKS, "s : t := (a := 1);", "", "TON is a block, and has no initial value"),
+        (BLOCKS, "s, r : t;", "s := r;", "s has a TON in it; copy its other members one by one"),
+        (BLOCKS, "s : t;", "s.a := TRUE;", "S.A is a block; call it: S.A(…)"),
+        (BLOCKS, "s : t;", "s.a.Q := TRUE;", "only the block itself writes S.A.Q"),
+        (BLOCKS, "s : t;", "s.a(N := 1);", "S.A has no input N; did you mean IN?"),
+        (BLOCKS, "s : t;", "s(N := 1);", "S is not a function block"),
+        (BLOCKS, "s : t; b : BOOL;", "b := s.a;", "S.A is a block; name one of its outputs"),
+        (BLOCKS, "s : t; b : BOOL;", "b := s.c.QU;", "S.C is an array of blocks; name one: S.C[…]"),
+        (BLOCKS, "s : ARRAY[1..2] OF t; b : BOOL;", "b := s.a.Q;", "name one: S[…].A"),
+        (BLOCKS, "s : ARRAY[1..2] OF t; b : BOOL;", "b := s[3].a.Q;", "the index 3 is outside of 1..2"),
+        (
+            f"{BLOCKS} FUNCTION_BLOCK f VAR_IN_OUT s : t; END_VAR END_FUNCTION_BLOCK ",
+            "s : t; g : f;",
+            "g(s := s);",
+            "s has a TON in it: it must be a plain variable",
+        ),
+        (
+            "TYPE t : STRUCT a : g; END_STRUCT END_TYPE "
+            "FUNCTION_BLOCK g VAR s : t; END_VAR END_FUNCTION_BLOCK ",
+            "s : t;",
+            "",
+            "G contains itself",
         ),
         ("TYPE t : STRUCT a, a : INT; END_STRUCT; END_TYPE ", "", "", "a is declared twice"),
         ("TYPE t : STRUCT END_STRUCT; END_TYPE ", "", "", "t has no member"),

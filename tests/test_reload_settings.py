@@ -169,6 +169,7 @@ def test_another_program_goes_on_with_what_both_retain(plant: Plant) -> None:
     scans = counter_of(desk.gateway, "rtu-logic-filling", "scans")
     changed = copy.deepcopy(plant.config)
     changed["logic"][0]["program"] = compiled(TWICE, plant.folder, "twice")
+    changed["logic"][0]["points"][0]["value"] = 70  # not for a limit that a master has set
     wait_idle(desk)
     assert desk.master.interrogate(desk.gateway.points("pump")["pump"]["ca"])  # behind what was told before
     mark = desk.master.mark()
@@ -185,7 +186,7 @@ def test_another_program_goes_on_with_what_both_retain(plant: Plant) -> None:
     plant.wait("starts", starts + 1)
 
 
-def test_a_program_is_added_and_removed(plant: Plant) -> None:
+def test_a_program_is_added_and_removed_and_gets_another_limit(plant: Plant) -> None:
     desk = plant.desk
     without = copy.deepcopy(plant.config)
     del without["logic"]
@@ -193,7 +194,13 @@ def test_a_program_is_added_and_removed(plant: Plant) -> None:
     assert "half" not in desk.gateway.points()
     assert "rtu-logic-filling is added\n" in plant.reload(plant.config)
     plant.wait("half", 25)
-    desk.set_and_scan(DEVICE, "input_registers", LEVEL, [90])
+    desk.set_and_scan(DEVICE, "input_registers", LEVEL, [75])
+    plant.wait("limit", 80)
+    assert desk.lines.get(DEVICE, "coils", PUMP) == 0
+    changed = copy.deepcopy(plant.config)
+    changed["logic"][0]["points"][0]["value"] = 70
+    plant.reload(changed)  # no master has set the limit
+    plant.wait("limit", 70)
     plant.wait("pump", "on")
     assert desk.lines.get(DEVICE, "coils", PUMP) == 1
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Retained points over a power cut: all processes killed at once, the map gone, the file as synchronised."""
+"""Retained points and variables over a power cut: all processes killed, the map gone, the file as written."""
 
 import json
 import subprocess
@@ -23,6 +23,13 @@ FIXTURES = Path(__file__).resolve().parent / "fixtures/foreign"
 PATIENCE_S = 60.0
 TOTAL = """PROGRAM total VAR_EXTERNAL limit, total : DINT; END_VAR
 IF total < limit THEN total := total + 1; END_IF; END_PROGRAM"""
+COUNTS = """PROGRAM counts
+VAR_EXTERNAL limit, shown, length : DINT; END_VAR
+VAR RETAIN counted : {} := {}; rest : LREAL; word : STRING(16); END_VAR
+IF {} AND counted < limit THEN counted := counted + 1; END_IF;
+IF {} AND LEN(word) < 12 THEN word := CONCAT(word, '-'); rest := rest + 0.125; END_IF;
+shown := counted; length := LEN(word) + LREAL_TO_INT(rest);
+END_PROGRAM"""
 SLACK_S = 0.7  # rtuctl's answer may wait for the processor
 
 
@@ -106,7 +113,7 @@ def test_more_than_a_record_can_hold_are_an_error(programs: Path, tmp_path: Path
     file.write_text(json.dumps(config))
     done = subprocess.run([programs / "rtud/rtud", "--check", file], capture_output=True, text=True)
     assert done.returncode == 1
-    assert "journal: has no room for 403 retained points" in done.stderr
+    assert "journal: has no room for 403 retained points and 0 retained values of programs" in done.stderr
     del points[100:]
     file.write_text(json.dumps(config))
     subprocess.run([programs / "rtud/rtud", "--check", file], capture_output=True, check=True)
@@ -145,3 +152,61 @@ def test_setpoint_outlives_the_power(programs: Path, directory: Path) -> None:
 
         gateway.ctl("set", "setpoint", "-5")
         wait_found(gateway, "setpoint", -5, "good")
+
+
+def counting(directory: Path) -> dict[str, Any]:
+    names = enumerate(("limit", "shown", "length"), 1)
+    program = {
+        "name": "counts",
+        "program": str(directory / "counts.rtul"),
+        "period_ms": 20,
+        "ca": 923,
+        "points": [{"name": name, "ioa": ioa, "type": "integer"} for ioa, name in names],
+    }
+    program["points"][0] |= {"value": 3, "retain": True}
+    journal = {"path": str(directory / "journal"), "interval_s": 1, "volume_mb": 1048576}
+    return listening_on({"port": [], "logic": [program], "journal": journal}, free_port())
+
+
+def rewrite(directory: Path, kind: str, initial: int, counts: bool) -> None:
+    text = COUNTS.format(kind, initial, counts, counts)
+    (directory / "counts.rtul").write_bytes(encode(compile_text(text, Findings())))
+
+
+@pytest.mark.slow
+def test_variables_outlive_the_power(programs: Path, directory: Path) -> None:
+    """By name and type, with their quality; what has another type now, or is damaged, begins anew."""
+    file = directory / "journal/events"
+    kept = (7).to_bytes(4, "little") + b"\0\0\x84"  # the value, its quality, that it is a variable
+    rewrite(directory, "DINT", 0, True)
+    with Gateway(counting(directory), directory, programs) as gateway:
+        wait_found(gateway, "length", 14, "good")
+        gateway.ctl("set", "limit", "7")
+        gateway.wait_for(
+            lambda: file.exists() and kept in file.read_bytes(), PATIENCE_S, "the journal has it"
+        )
+        cut_power(gateway)
+        rewrite(directory, "DINT", 0, False)
+        gateway.start()
+        wait_found(gateway, "length", 14, "good")
+        wait_found(gateway, "shown", 7, "good")
+        log = gateway.log(1000)
+        assert "5 retained values of programs restored from the journal" in log
+        assert "belong to no variable" not in log
+
+        cut_power(gateway)
+        rewrite(directory, "INT", 9, False)
+        gateway.start()
+        wait_found(gateway, "shown", 9, "good")
+        wait_found(gateway, "length", 14, "good")
+        assert "1 retained values of the journal belong to no variable" in gateway.log(1000)
+
+        cut_power(gateway)
+        damaged = bytearray(file.read_bytes())
+        damaged[20] ^= 1
+        file.write_bytes(damaged)
+        rewrite(directory, "INT", 1, False)
+        gateway.start()
+        wait_found(gateway, "shown", 1, "good")
+        wait_found(gateway, "length", 0, "good")
+        assert "nothing can be read" in gateway.log(1000)

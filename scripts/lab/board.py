@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import shlex
 import subprocess
@@ -25,6 +26,7 @@ from nuc980.twin.machine import Machine
 from nuc980.twin.network import free_udp_port
 
 ANSWER_SECONDS = 180.0
+START_SECONDS = 60.0  # of rtud
 BOOT = Goal(seconds=600.0, bootm_seconds=300.0)  # on a busy host
 # The UARTs of the ports 1 to 6.
 PORTS = (1, 2, 3, 4, 6, 8)
@@ -197,6 +199,7 @@ class Board(Rtu):
         self.machine = machine
         self.inside = inside
         self.address = address
+        self.config = configuration()
 
     def processes(self) -> list[int]:
         """QEMU listens for the board."""
@@ -206,12 +209,31 @@ class Board(Rtu):
         return self._run(shlex.join(["rtuctl", *arguments]))
 
     def configuration(self) -> dict[str, Any]:
-        return configuration()
+        return copy.deepcopy(self.config)
 
-    def put(self, config: dict[str, Any]) -> str:
-        path = "/run/other.json"
-        self._run(f"printf %s {shlex.quote(json.dumps(config))} > {path}")
+    def put(self, config: dict[str, Any], path: str = "/run/other.json") -> str:
+        self._run(
+            f"mkdir -p {path.rpartition('/')[0]} && printf %s {shlex.quote(json.dumps(config))} > {path}"
+        )
         return path
+
+    def place(self, path: str, content: bytes) -> None:
+        """A small file on the board, of any octets; its folder is made."""
+        escaped = "".join(f"\\{octet:03o}" for octet in content)
+        self._run(f"mkdir -p {path.rpartition('/')[0]} && printf '{escaped}' > {path}")
+
+    def start_again(self, config: dict[str, Any]) -> None:
+        """The gateway, with another configuration as its own: in the place of the image's, as at a start."""
+        self.config = config
+        path = self.put(config, "/data/site/config.json")
+        self._run(f"mount -o bind {path} /etc/openrtu/gateway.json && /etc/init.d/S80rtud restart")
+        self.wait_for(self._answers, START_SECONDS, "rtud runs again")
+
+    def _answers(self) -> bool:
+        try:
+            return bool(self.modules())
+        except GatewayError:
+            return False  # there is no map yet
 
     def log(self, lines: int = 40) -> str:
         return self._run(f"tail -n {lines} /var/log/messages")

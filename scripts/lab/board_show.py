@@ -14,7 +14,9 @@ import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+from lab import managed
 from lab.board import (
     ETHERNET,
     PORTS,
@@ -23,29 +25,40 @@ from lab.board import (
     STATION_PORT,
     Board,
     Ssh,
+    configuration,
     lines_at,
     netboot,
     stations,
 )
 from lab.gateway import REPOSITORY, free_port, remove
+from lab.manager import free_udp_port
 from lab.ports import check_free
 from lab.show import (
     CHAPTER_5,
     DEADLINE_S,
+    PROGRAMS,
     STATION,
     STEPS,
-    Desk,
+    ServedDesk,
     Step,
     add_gateway,
+    add_iec61850,
+    add_logic,
     add_options,
     all_read,
     check,
     check_none,
+    compile_programs,
     event,
     indented,
     interrogated,
     invalid,
     keep_up,
+    limit_reloaded,
+    logic,
+    managed_by_snmp,
+    name_level,
+    operated_by_iec61850,
     position,
     run_steps,
     running,
@@ -65,11 +78,14 @@ UBOOT = REPOSITORY / "build/u-boot/u-boot.bin"
 SYSTEM = REPOSITORY / "build/system-lab"
 KEY = REPOSITORY / "build/site/key"
 
+IEC61850_PORT, SNMP_PORT = 102, 161
+DATA = "/data/openrtu"  # of the engineer's files
+
 LATENCY_SECONDS = 5  # without load, and as long with it
 
 
 @dataclass
-class BoardDesk(Desk):
+class BoardDesk(ServedDesk):
     """What a step on the board works on."""
 
     gateway: Board
@@ -140,19 +156,61 @@ def whole_station(desk: BoardDesk) -> None:
     check_none(invalid(reports), "are not valid")
 
 
-BOARD_STEPS: tuple[Step, ...] = (kernel, modules, pins, *STEPS, killed, position, latency, whole_station)
+BOARD_STEPS: tuple[Step, ...] = (
+    kernel,
+    modules,
+    pins,
+    *STEPS,
+    limit_reloaded,
+    logic,
+    killed,
+    position,
+    operated_by_iec61850,
+    managed_by_snmp,
+    latency,
+    whole_station,
+)
 
 
 # ---- the board
 
 
+@dataclass(frozen=True)
+class Ways:
+    """The ports of this machine that lead to services of the board."""
+
+    station: int
+    ssh: int
+    iec61850: int
+    snmp: int
+
+    def arguments(self) -> list[str]:
+        """QEMU's."""
+        streams = {self.station: STATION_PORT, self.ssh: SSH_PORT, self.iec61850: IEC61850_PORT}
+        return ETHERNET[0].arguments(streams, {self.snmp: SNMP_PORT})
+
+
+def furnished(directory: Path, snmp: dict[str, Any]) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """What an engineer brings to the board: a configuration with more than the image's, and its files."""
+    config = configuration() | {"snmp": snmp}
+    name_level(config)
+    add_iec61850(config, ETHERNET[0].address, ETHERNET[0].host)
+    add_logic(config, DATA)
+    compile_programs(directory)
+    return config, {f"{DATA}/{name}.rtul": (directory / f"{name}.rtul").read_bytes() for name in PROGRAMS}
+
+
 def start_board(
-    stack: contextlib.ExitStack, directory: Path, system: Path, port: int, verdict: Verdict
+    stack: contextlib.ExitStack,
+    directory: Path,
+    ways: Ways,
+    config: dict[str, Any],
+    files: dict[str, bytes],
+    verdict: Verdict,
 ) -> Board:
     """From reset to the gateway's first answer."""
-    ssh_port = free_port()
     nics = [
-        *ETHERNET[0].arguments({port: STATION_PORT, ssh_port: SSH_PORT}),
+        *ways.arguments(),
         *ETHERNET[1].arguments({}),
     ]
     console = directory / "console.log"
@@ -163,13 +221,17 @@ def start_board(
     verdict.add_machine(machine)
     say(f"   * the emulated board is switched on; its debug UART is {machine.pty(0)}")
     progress = Progress()
-    netboot(machine, directory, system / "uImage", system / "nuc980-gateway.dtb", progress)
-    ssh = stack.enter_context(Ssh(ssh_port, KEY, directory))
-    board = Board(machine, ssh.run, ("127.0.0.1", port))
+    netboot(machine, directory, SYSTEM / "uImage", SYSTEM / "nuc980-gateway.dtb", progress)
+    ssh = stack.enter_context(Ssh(ways.ssh, KEY, directory))
+    board = Board(machine, ssh.run, ("127.0.0.1", ways.station))
     board.rtuctl = [*ssh.command, "rtuctl"]
     with progress.phase("log-in by ssh"):
         board.wait_for(ssh.answers, DEADLINE_S, "the log-in by ssh succeeds")
     add_gateway(verdict, board)
+    with progress.phase("programs, keys and a configuration brought by ssh"):
+        for path, content in files.items():
+            board.place(path, content)
+        board.start_again(config)
     with progress.phase("all points read"):
         board.wait_for(lambda: all_read(board), DEADLINE_S, "every device has been read")
     say(f"   * {', '.join(running(board))}; all points read")
@@ -199,8 +261,15 @@ def show(port: int, keep: bool, verdict: Verdict) -> None:
     with contextlib.ExitStack() as stack, verdict.watched():
         stack.callback(remove, directory)
         lines = start_lines(stack, directory, CHAPTER_5 / "gateway.json", verdict, SILENCE_US)
-        board = start_board(stack, directory, SYSTEM, port, verdict)
-        desk = BoardDesk(lines, board, start_master(stack, board, verdict))
+        ways = Ways(port, free_port(), free_port(), free_udp_port())
+        snmp = managed.settings(ETHERNET[0].host, keys=f"{DATA}/snmp.keys", state=f"{DATA}/snmp")
+        folder = directory / "management"
+        management = stack.enter_context(managed.managed(folder, snmp, ways.snmp))
+        config, files = furnished(directory, snmp)
+        files[snmp["keys"]] = managed.keys_of(folder).read_bytes()
+        board = start_board(stack, directory, ways, config, files, verdict)
+        master = start_master(stack, board, verdict)
+        desk = BoardDesk(lines, board, master, management, ways.iec61850)
         run_steps(desk, BOARD_STEPS, verdict)
         trouble = TROUBLE.findall((directory / "console.log").read_text(errors="replace"))
         check(not trouble, f"the kernel reported: {'; '.join(trouble)}")

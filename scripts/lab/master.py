@@ -214,7 +214,7 @@ class Monitor:
         )
         if not self._confirmed(sent, c104.Type.C_IC_NA_1, ca, 0):
             raise MasterError(f"CA {ca} refused the interrogation")
-        self._await_terminated(sent, c104.Type.C_IC_NA_1, ca)
+        self._await_terminated(sent, c104.Type.C_IC_NA_1, ca, 0)
         # c104 hands over the objects in another thread, later than the raw frames.
         cause = f"INTERROGATED_BY_GROUP_{group}" if group else "INTERROGATED_BY_STATION"
         return self._settled(lambda: [r for r in self.reports_since(since) if r.cause == cause])
@@ -233,7 +233,7 @@ class Monitor:
         )
         if not self._confirmed(sent, c104.Type.C_CI_NA_1, ca, 0):
             raise MasterError(f"CA {ca} refused the counter interrogation")
-        self._await_terminated(sent, c104.Type.C_CI_NA_1, ca)
+        self._await_terminated(sent, c104.Type.C_CI_NA_1, ca, 0)
         cause = "REQUESTED_BY_GENERAL_COUNTER"
         return self._settled(lambda: [r for r in self.reports_since(since) if r.cause == cause])
 
@@ -244,7 +244,7 @@ class Monitor:
         for ca in cas:
             if not self._confirmed(sent, c104.Type.C_IC_NA_1, ca, 0):
                 raise MasterError(f"CA {ca} refused the interrogation of all stations")
-            self._await_terminated(sent, c104.Type.C_IC_NA_1, ca)
+            self._await_terminated(sent, c104.Type.C_IC_NA_1, ca, 0)
         return self._settled(
             lambda: [r for r in self.reports_since(since) if r.cause == "INTERROGATED_BY_STATION"]
         )
@@ -267,8 +267,8 @@ class Monitor:
         answer = self._await_asdu(since, lambda a: a.is_of(kind, ca, ioa) and a.cause != ACT_TERM)
         return answer.cause == ACT_CON and not answer.negative
 
-    def _await_terminated(self, since: int, kind: c104.Type, ca: int) -> None:
-        self._await_asdu(since, lambda a: a.is_of(kind, ca, 0) and a.cause == ACT_TERM)
+    def _await_terminated(self, since: int, kind: c104.Type, ca: int, ioa: int) -> None:
+        self._await_asdu(since, lambda a: a.is_of(kind, ca, ioa) and a.cause == ACT_TERM)
 
     def _await_asdu(self, since: int, wanted: Callable[[Asdu], bool]) -> Asdu:
         deadline = Deadline(ANSWER_TIMEOUT_S)
@@ -324,6 +324,18 @@ class Master(Monitor):
 
     def command(self, ca: int, ioa: int, type_name: str, info: Any) -> bool:
         """Sends a direct command, as "C_SC_NA_1", c104.SingleCmd(True). True: confirmed positively."""
+        point, sent = self._sent(ca, ioa, type_name, info)
+        return self._confirmed(sent, point.type, ca, ioa)
+
+    def command_to_its_end(self, ca: int, ioa: int, type_name: str, info: Any) -> bool:
+        """The same; if it was confirmed, it is terminated too, so that another command can follow."""
+        point, sent = self._sent(ca, ioa, type_name, info)
+        confirmed = self._confirmed(sent, point.type, ca, ioa)
+        if confirmed:
+            self._await_terminated(sent, point.type, ca, ioa)
+        return confirmed
+
+    def _sent(self, ca: int, ioa: int, type_name: str, info: Any) -> tuple[c104.Point, int]:
         self.commands.add_station(common_address=ca)  # None where it is there already
         station = self.commands.get_station(ca)
         if station.get_point(ioa):
@@ -332,7 +344,7 @@ class Master(Monitor):
         point.info = info
         sent = self._raw_mark()
         point.transmit(cause=c104.Cot.ACTIVATION)
-        return self._confirmed(sent, point.type, ca, ioa)
+        return point, sent
 
 
 def _start_transfer(connection: c104.Connection) -> None:

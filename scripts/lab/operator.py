@@ -57,7 +57,7 @@ class Reported(lib.RCBHandler):  # type: ignore[misc]
 
 
 class Reports:
-    """Of a device: what changes under ST, from now on, through its first unbuffered block that is for it."""
+    """Of a device: what changes under ST, from now on, through its block urcbStatus01."""
 
     def __init__(self, connection: Any, device: str) -> None:
         listed, error = lib.IedConnection_getDataSetDirectory(connection, f"{device}/LLN0.status", None)

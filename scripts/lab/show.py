@@ -57,7 +57,8 @@ INTERLOCK, FILLING = 931, 932
 PROGRAMS = {"interlock": INTERLOCK, "filling": FILLING}  # their stations
 LIMIT = 90  # of the sequence
 ORDER = "order"  # has no value until somebody gives one
-BREAKER, PUMP, EARTHED = ("coils", 3), ("coils", 1), ("discrete_inputs", 0)  # of the device
+BREAKER, EARTHED = ("coils", 3), ("discrete_inputs", 0)  # of the device
+PUMPING_STATION, PUMP = "5.50", ("coils", 1)
 NEWCOMER = "5.51"
 SWITCH, SBO_ENHANCED = "OpenRTUCA1010/GGIO1.DPCSO1", 4  # with selection; its ctlModel
 
@@ -168,7 +169,7 @@ def add_logic(config: dict[str, Any], directory: str) -> None:
     }
     names = {
         "interlock": {"breaker": f"p{DEVICE}.c{BREAKER[1]}", "earthed": f"p{DEVICE}.d{EARTHED[1]}"},
-        "filling": {"pump": f"p{DEVICE}.c{PUMP[1]}", "level": "tank.level"},
+        "filling": {"pump": f"p{PUMPING_STATION}.c{PUMP[1]}", "level": "tank.level"},
     }
     config["logic"] = [
         {
@@ -403,7 +404,8 @@ def logic(desk: Desk) -> None:
     """Programs of Structured Text: an interlock refuses a command, a sequence starts a pump"""
 
     def order(on: bool, earthed: bool) -> None:
-        confirmed = desk.master.command(INTERLOCK, 1, "C_SC_NA_1", c104.SingleCmd(on=on))
+        command = c104.SingleCmd(on=on)
+        confirmed = desk.master.command_to_its_end(INTERLOCK, 1, "C_SC_NA_1", command)
         check(confirmed != (on and earthed), "the interlock decided otherwise")
         answer = (
             "activation confirmed, by the device" if confirmed else "negative confirmation, by the interlock"
@@ -411,13 +413,7 @@ def logic(desk: Desk) -> None:
         line = "earthed" if earthed else "not earthed"
         say(f"     master       breaker {'on' if on else 'off'}, the line is {line}: {answer}")
 
-    # A step before may have left a level at which the sequence pumps.
-    desk.lines.set(DEVICE, *LEVEL, 50)
-    desk.gateway.wait_for(
-        lambda: desk.gateway.points("phase")["phase"]["value"] == 0,
-        DEADLINE_S,
-        "the sequence is at its start",
-    )
+    at_its_start(desk)
     order(False, True)
     order(True, True)
     refused = "a command of order was refused: interlock"
@@ -435,13 +431,24 @@ def logic(desk: Desk) -> None:
     pumps(desk, since)
 
 
+def at_its_start(desk: Desk) -> None:
+    """The sequence waits: a step before may have left a level at which it pumps."""
+    desk.lines.set(DEVICE, *LEVEL, 50)
+
+    def waits() -> bool:
+        points = desk.gateway.points()
+        return points["tank.level"]["value"] == 50 and points["phase"]["value"] == 0
+
+    desk.gateway.wait_for(waits, DEADLINE_S, "the sequence is at its start")
+
+
 def pumps(desk: Desk, since: int) -> None:
     """The sequence has started the pump."""
     event(
         desk.master.wait(lambda r: (r.ca, r.ioa, r.value) == (FILLING, 2, 2), since, DEADLINE_S), "it pumps"
     )
-    check(desk.lines.get(DEVICE, *PUMP) == 1, "the pump does not run")
-    say(f"     device {DEVICE}  coil {PUMP[1]} = 1")
+    check(desk.lines.get(PUMPING_STATION, *PUMP) == 1, "the pump does not run")
+    say(f"     device {PUMPING_STATION}  coil {PUMP[1]} = 1")
 
 
 Step = Callable[[Desk], None]
@@ -473,11 +480,12 @@ def reload(desk: Desk, *file: str) -> None:
 
 def limit_reloaded(desk: Desk) -> None:
     """A reload changes the limit of a program: its sequence starts the pump"""
+    at_its_start(desk)
     since = desk.master.mark()
     desk.lines.set(DEVICE, *LEVEL, 85)
     desk.master.wait(lambda r: (r.ca, r.ioa, r.value) == (STATION, 30003, 85), since, DEADLINE_S)
     say(f"     device {DEVICE}  input register {LEVEL[1]} = 85, the level; the limit is {LIMIT}")
-    check(desk.lines.get(DEVICE, *PUMP) == 0, "the pump runs")
+    check(desk.lines.get(PUMPING_STATION, *PUMP) == 0, "the pump runs")
     reload(desk, desk.gateway.put(with_limit(desk.gateway.configuration(), 80)))
     say("     rtuctl       reload with a limit of 80")
     pumps(desk, since)
@@ -565,6 +573,7 @@ def managed_by_snmp(desk: ServedDesk) -> None:
 NATIVE_STEPS: tuple[Step, ...] = (
     *STEPS,
     modules_of_others,
+    limit_reloaded,
     logic,
     reloaded,
     position,

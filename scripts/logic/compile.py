@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -213,6 +214,7 @@ class Compiler(Declarations):
             self.copy(target, self.source(statement.value, target.type, statement.value.place))
 
     def writable(self, target: Name) -> Reference:
+        target = self.block_in(target)
         bound = self.bound(target)
         if isinstance(bound.what, Instance | Instances):
             raise SourceError(target.place, f"{target.name} is a block; call it: {target.name}(…)")
@@ -420,6 +422,8 @@ class Compiler(Declarations):
     # ---- calls -------------------------------------------------------------------------------------
 
     def call_block(self, call: Call) -> None:
+        named = self.block_in(Name(call.place, call.name, call.path))
+        call = replace(call, name=named.name, path=named.path)
         bound = self.body.scope.names.get(call.name)
         if bound is None and call.name == "MESSAGE":
             self.message(call)

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from itertools import product
 
 from logic.binary import Debug, Slot
 from logic.layout import Enumeration, Stored, Type, elements_of
@@ -42,9 +41,8 @@ def add_scope(debug: Debug, places: dict[str, list[str]], scope: Scope, path: st
             case Instance():
                 add_instance(debug, places, bound.what, path + name)
             case Instances():
-                ranges = (range(low, high + 1) for low, high in bound.what.bounds)
-                for place, one in zip(product(*ranges), bound.what.elements, strict=True):
-                    add_instance(debug, places, one, f"{path}{name}[{','.join(map(str, place))}]")
+                for place, one in zip(bound.what.places, bound.what.elements, strict=True):
+                    add_instance(debug, places, one, f"{path}{bound.variable.name}{place}")
 
 
 def add_instance(debug: Debug, places: dict[str, list[str]], instance: Instance, path: str) -> None:

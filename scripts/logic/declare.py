@@ -5,13 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import product
 
 from logic.binary import Point, Slot
 from logic.errors import Findings, Place, SourceError
 from logic.layout import (
     ELEMENTS_MAX,
     ArrayOf,
+    BlockOf,
     Bounds,
     Characters,
     Enumeration,
@@ -20,9 +20,12 @@ from logic.layout import (
     Stored,
     Structure,
     Type,
+    Way,
+    blocks_of,
     is_single,
     leaves_of,
     name_of,
+    places_on,
     retained_name,
     size_of,
     words_of,
@@ -137,10 +140,18 @@ class Declarations(Texts):
         for variable in variables:
             if variable.name in members:
                 raise SourceError(variable.place, f"{variable.spelling} is declared twice")
-            kind, default = self.resolved(variable.type)
+            kind, default = self.block_type(variable.type) or self.resolved(variable.type)
             members[variable.name] = kind
             defaults[variable.name] = before(variable.initial, default)
         return Structure(declared.name, members, defaults)
+
+    def block_type(self, spelled: Spelled) -> tuple[Type, Initials] | None:
+        """Of a function block; None: it is another type."""
+        unit = self.units.get(spelled.name)
+        if unit is None or unit.kind != "FUNCTION_BLOCK":
+            return None
+        bounds = tuple(self.limits(*pair) for pair in spelled.bounds)
+        return (ArrayOf(BlockOf(unit.name), bounds) if bounds else BlockOf(unit.name)), ()
 
     def resolved(self, spelled: Spelled) -> tuple[Type, Initials]:
         """The type, and what its declaration says of initial values."""
@@ -204,6 +215,9 @@ class Declarations(Texts):
             for name, member in kind.members.items():
                 said = tuple(one[name] for one in given if name in one)
                 self.fill(values, member, said + kind.defaults[name], f"{path}.{name}", at)
+        elif isinstance(kind, BlockOf):
+            if initials:
+                raise SourceError(initials[0].place, f"{kind.name} is a block, and has no initial value")
         elif isinstance(kind, Characters):
             words = words_of(self.initial_text(kind, initials), kind.octets)
             values[path][at * kind.size : (at + 1) * kind.size] = words
@@ -287,8 +301,12 @@ class Declarations(Texts):
             raise SourceError(variable.place, "points belong to the PROGRAM; pass them as inputs")
         block = self.units.get(variable.type.name)
         if block is not None and block.kind == "FUNCTION_BLOCK":
-            what = self.blocks if variable.type.bounds else self.instance
-            scope.names[variable.name] = Bound(variable, what(scope, variable, block, path))
+            bounds = tuple(self.limits(*pair) for pair in variable.type.bounds)
+            if bounds:
+                what = self.blocks(scope, variable, block, path, bounds, list(places_on((("", bounds),))))
+            else:
+                what = self.instance(scope, variable, block, path)
+            scope.names[variable.name] = Bound(variable, what)
             return
         kind, default = self.resolved(variable.type)
         if (
@@ -311,6 +329,23 @@ class Declarations(Texts):
         if variable.section == "VAR_EXTERNAL":
             self.check_point(variable, kind)
         scope.names[variable.name] = self.stored(variable, kind, values, path)
+        for way, block_type in blocks_of(kind):
+            self.declare_inner(scope, variable, way, self.units[block_type.name], path)
+
+    def declare_inner(self, scope: Scope, variable: Variable, way: Way, block: Unit, path: str) -> None:
+        """A block in a structure is a variable of its own, whose name no text can have: P.T."""
+        if variable.section in ("VAR_INPUT", "VAR_OUTPUT", "VAR_IN_OUT"):
+            raise SourceError(
+                variable.place, f"{variable.spelling} has a {block.name} in it: it must be a plain variable"
+            )
+        variable = replace(variable, initial=None)
+        bounds = tuple(one for _, some in way for one in some)
+        name = f"{variable.name}{''.join(member for member, _ in way)}"
+        if bounds:
+            what = self.blocks(scope, variable, block, path, bounds, list(places_on(way)))
+        else:
+            what = self.instance(scope, replace(variable, name=name), block, path)
+        scope.names[name] = Bound(variable, what, read=True)
 
     def stored(
         self, variable: Variable, kind: Type, values: dict[str, list[int | float]], path: str
@@ -364,24 +399,30 @@ class Declarations(Texts):
         self.open_blocks.pop()
         return Instance(block, inner, self.program.slots[first:])
 
-    def blocks(self, scope: Scope, variable: Variable, block: Unit, path: str) -> Instances:
+    def blocks(
+        self,
+        scope: Scope,
+        variable: Variable,
+        block: Unit,
+        path: str,
+        bounds: tuple[Bounds, ...],
+        places: list[str],
+    ) -> Instances:
         if block.library and block.name in ("COMMAND", "REQUEST"):
             raise SourceError(variable.place, f"a {block.name} has one point; it must be a plain variable")
-        bounds = tuple(self.limits(*pair) for pair in variable.type.bounds)
         kept = len(self.program.retained)
         working = self.instance(scope, variable, block, path)
         del self.program.retained[kept:]
         if not working.slots:
             raise SourceError(variable.place, f"{block.name} has no variables; call one of it")
-        places = list(product(*(range(low, high + 1) for low, high in bounds)))
         self.within(len(places) * len(working.slots), variable.type.place)
         elements = []
         for place in places:
-            name = f"{variable.name}[{','.join(map(str, place))}]"
-            elements.append(self.instance(scope, replace(variable, name=name), block, path))
+            element = replace(variable, name=f"{variable.name}{place}")
+            elements.append(self.instance(scope, element, block, path))
         slots = zip(*(element.slots for element in elements), strict=True)
         leaves = [Leaf(self.kind_of_slot(alike[0]), bounds, slots=list(alike)) for alike in slots]
-        return Instances(bounds, elements, working, leaves)
+        return Instances(bounds, places, elements, working, leaves)
 
 
 def before(initial: Initial | None, default: Initials) -> Initials:

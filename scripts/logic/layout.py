@@ -62,8 +62,15 @@ class Characters:
 
 
 @dataclass(frozen=True)
+class BlockOf:
+    """A function block in a structure: its instance lies beside the structure's variable (blocks_of)."""
+
+    name: str
+
+
+@dataclass(frozen=True)
 class ArrayOf:
-    element: str | Enumeration | Structure | Characters
+    element: str | Enumeration | Structure | Characters | BlockOf
     bounds: tuple[Bounds, ...]
     default: Initials = field(default=(), compare=False)  # of each element
 
@@ -77,7 +84,7 @@ class ArrayOf:
         return f"ARRAY[{inside}] OF {name_of(self.element)}"
 
 
-Type = str | Enumeration | Structure | Characters | ArrayOf
+Type = str | Enumeration | Structure | Characters | ArrayOf | BlockOf
 
 
 def name_of(kind: Type) -> str:
@@ -133,10 +140,39 @@ def leaves_of(kind: Type, path: str = "", bounds: tuple[Bounds, ...] = ()) -> It
     elif isinstance(kind, Structure):
         for name, member in kind.members.items():
             yield from leaves_of(member, f"{path}.{name}", bounds)
+    elif isinstance(kind, BlockOf):
+        return
     elif isinstance(kind, Characters):
         yield path, Leaf("LINT", (*bounds, (0, kind.size - 1)), kind.octets)
     else:
         yield path, Leaf(kind, bounds)
+
+
+# The members on the way to a block, each with the bounds of its own: of p[1..2].t it is ("", 1..2), (".T", ).
+Way = tuple[tuple[str, tuple[Bounds, ...]], ...]
+
+
+def blocks_of(kind: Type, way: Way = (("", ()),)) -> Iterator[tuple[Way, BlockOf]]:
+    """The function blocks in a structure, in its order."""
+    if isinstance(kind, ArrayOf):
+        member, bounds = way[-1]
+        yield from blocks_of(kind.element, (*way[:-1], (member, bounds + kind.bounds)))
+    elif isinstance(kind, Structure):
+        for name, member_kind in kind.members.items():
+            yield from blocks_of(member_kind, (*way, (f".{name}", ())))
+    elif isinstance(kind, BlockOf):
+        yield way, kind
+
+
+def places_on(way: Way) -> Iterator[str]:
+    """What stands behind the variable's name, of each element: `[1].T`, `[2].T`."""
+    indices = product(*(range(low, high + 1) for _, bounds in way for low, high in bounds))
+    for index in indices:
+        shown, rest = "", list(index)
+        for member, bounds in way:
+            own, rest = rest[: len(bounds)], rest[len(bounds) :]
+            shown += member + (f"[{','.join(map(str, own))}]" if own else "")
+        yield shown
 
 
 def elements_of(stored: Stored) -> Iterator[tuple[str, Slot | String]]:
@@ -152,6 +188,8 @@ def elements_of(stored: Stored) -> Iterator[tuple[str, Slot | String]]:
         elif isinstance(kind, Structure):
             for name, member in kind.members.items():
                 yield from below(member, f"{shown}.{name}", f"{path}.{name}", index)
+        elif isinstance(kind, BlockOf):
+            return
         else:
             leaf = stored.leaves[path]
             if isinstance(kind, Characters):
@@ -167,6 +205,8 @@ def size_of(kind: Type) -> int:
     """How many variables of the machine hold it."""
     if isinstance(kind, ArrayOf):
         return kind.count * size_of(kind.element)
+    if isinstance(kind, BlockOf):
+        return 0  # of the structure's variable
     return kind.size if isinstance(kind, Structure | Characters) else 1
 
 

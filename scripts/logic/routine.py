@@ -37,6 +37,7 @@ class Instances:
     """An array of blocks. One of them works at a time, in a place of its own: the routine is there once."""
 
     bounds: tuple[Bounds, ...]
+    places: list[str]  # of each element, behind the variable's name
     elements: list[Instance]
     working: Instance
     leaves: list[Leaf] = field(default_factory=list)  # of each slot, those of all elements

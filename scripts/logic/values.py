@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
@@ -21,6 +22,7 @@ from logic.layout import (
     Stored,
     Structure,
     Type,
+    blocks_of,
     inner,
     is_single,
     name_of,
@@ -123,6 +125,7 @@ class Values:
     def head(self, name: Name) -> tuple[Bound, tuple[Indexed | Member, ...]]:
         """The variable of a name, and what of the path leads on from there."""
         scope = self.body.scope
+        name = self.block_in(name)
         bound = scope.names.get(name.name)
         if bound is None and name.name in scope.broken:
             raise scope.broken[name.name]  # once more: a finding counts once
@@ -138,6 +141,19 @@ class Values:
             raise SourceError(step.place, f"{name.name} is a block, not an array")
         bound.read = True
         return self.output(name, bound.what, step), name.path[1:]
+
+    def block_in(self, name: Name) -> Name:
+        """Of a path into a block of a structure: the block's own name, and the indices on the way."""
+        found, indices = name.name, []
+        for number, step in enumerate(name.path):
+            if isinstance(step, Indexed):
+                indices.append(step)
+                continue
+            found += f".{step.name}"
+            if found in self.body.scope.names:
+                self.body.scope.names[name.name].read = True
+                return Name(name.place, found, (*indices, *name.path[number + 1 :]))
+        return name
 
     def output(self, name: Name, instance: Instance, step: Member) -> Bound:
         inner = instance.scope.names.get(step.name)
@@ -160,7 +176,8 @@ class Values:
             self.step_into(found, step)
             steps += 1
         if isinstance(found.type, ArrayOf):
-            raise SourceError(name.place, f"{name.name} is an array of blocks; name one: {name.name}[…]")
+            one = re.sub(r"\[[^]]*]", "[…]", f"{found.bound.variable.name}{blocks.places[0]}")
+            raise SourceError(name.place, f"{name.name} is an array of blocks; name one: {one}")
         found.bound.read = True
         return found, steps
 
@@ -191,6 +208,7 @@ class Values:
         return kind if is_enumeration(kind) else slot.type
 
     def reference(self, name: Name) -> Reference:
+        name = self.block_in(name)
         bound, path = self.head(name)
         if isinstance(bound.what, Instance):
             raise SourceError(name.place, f"{name.name} is a block; name one of its outputs")
@@ -427,6 +445,10 @@ class Values:
 
     def copy(self, target: Reference, source: Reference) -> None:
         """A structure or an array. At an index that is no constant each of its values is assigned."""
+        for _, block in blocks_of(target.type):
+            raise SourceError(
+                target.place, f"{target.shown} has a {block.name} in it; copy its other members one by one"
+            )
         to, of = self.settle(target), self.settle(source)
         pairs = list(
             zip(target.bound.what.below(target.path), source.bound.what.below(source.path), strict=True)

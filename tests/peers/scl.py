@@ -27,9 +27,9 @@ BASIC = {  # tag of MMS, and its size; below 0: at most
     "Octet64": (0x89, -64),
 }
 COMMON = "RptID RptEna {} DatSet ConfRev OptFlds BufTm SqNum TrgOps IntgPd GI"
-BLOCK = {  # IEC 61850-8-1, tables 61 and 62, without ResvTms and Owner
-    "RP": COMMON.format("Resv").split(),
-    "BR": (COMMON.format("") + " PurgeBuf EntryID TimeofEntry").split(),
+BLOCK = {  # IEC 61850-8-1, tables 61 and 62
+    "RP": (COMMON.format("Resv") + " Owner").split(),
+    "BR": (COMMON.format("") + " PurgeBuf EntryID TimeofEntry ResvTms Owner").split(),
 }
 
 

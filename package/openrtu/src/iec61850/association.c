@@ -131,6 +131,7 @@ enum iec61850_end iec61850_association_run(struct iec61850_association *associat
 	server->client = association;
 	server->session = association->session;
 	server->may_control = association->may_control;
+	server->peer = association->peer;
 	server->now_ns = now_ns;
 	while (end == IEC61850_STAYS && iec61850_transport_is_free(transport)) {
 		association->moved_ns = now_ns;

@@ -22,6 +22,7 @@ struct iec61850_association {
 	uint32_t max_pdu;
 	uint32_t session; /* as the server's: of this association alone */
 	bool associated, leaving;
+	struct iec61850_peer peer;
 	bool may_control;
 	int64_t opened_ns;
 	int64_t heard_ns; /* the last request */

@@ -75,6 +75,9 @@ enum iec61850_leaf {
 	IEC61850_PURGE_BUF,
 	IEC61850_ENTRY_ID,
 	IEC61850_TIME_OF_ENTRY,
+	IEC61850_RESV_TMS,
+	/* Of both: */
+	IEC61850_OWNER,
 };
 
 struct iec61850_node {

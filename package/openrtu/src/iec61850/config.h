@@ -8,6 +8,9 @@
 #define IEC61850_KIND        "iec61850"
 #define IEC61850_SETTINGS    MAP_SECTION_ID('6', '8', '5', '0')
 #define IEC61850_ASSIGNMENTS MAP_SECTION_ID('6', '8', 'L', 'N')
+#define IEC61850_DATA_SETS   MAP_SECTION_ID('6', '8', 'D', 'S')
+#define IEC61850_MEMBERS     MAP_SECTION_ID('6', '8', 'D', 'M') /* uint32_t: points of the data sets */
+#define IEC61850_REPORTS     MAP_SECTION_ID('6', '8', 'R', 'C')
 
 #define IEC61850_ASSOCIATIONS_MAX 16
 #define IEC61850_CLIENTS_MAX      16
@@ -15,6 +18,9 @@
 #define IEC61850_PDU_MAX          65000
 #define IEC61850_BUFFER_MIN       64
 #define IEC61850_BUFFER_MAX       65536
+#define IEC61850_DATA_SETS_MAX    256
+#define IEC61850_SET_REPORTS_MAX  8       /* control blocks of a data set, indexed ones as one */
+#define IEC61850_INSTANCES_MAX    16      /* of an indexed control block */
 #define IEC61850_IOA_MAX          9999999 /* a data object's name has 12 characters, 5 of them letters */
 
 struct iec61850_settings {
@@ -28,6 +34,29 @@ struct iec61850_settings {
 	uint32_t report_buffer; /* changes that are kept for buffered reports: a power of two */
 	uint16_t port;
 	bool normal_security; /* of commands: without a CommandTermination */
+};
+
+#define IEC61850_SET_SIZE    33 /* a data set's name, as Edition 2 has it */
+#define IEC61850_CB_SIZE     29 /* a control block's, before its index: its variable's name has 32 characters */
+#define IEC61850_RPT_ID_SIZE 130 /* VISIBLE STRING129 */
+
+/* A data set that somebody has chosen, of points of one device; it has no other data sets then. */
+struct iec61850_data_set {
+	char name[IEC61850_SET_SIZE];
+	uint32_t first_member, member_count;
+	uint32_t conf_rev; /* 0: of its members */
+};
+
+/* Report control blocks of a data set that are the same but for their index, and what they are set to at first. */
+struct iec61850_report {
+	char name[IEC61850_CB_SIZE];
+	char id[IEC61850_RPT_ID_SIZE]; /* empty: its reference */
+	uint16_t set;                  /* of the data sets */
+	uint16_t options;              /* as enum iec61850_option */
+	uint8_t triggers;              /* as enum iec61850_trigger */
+	uint8_t instances;
+	bool buffered;
+	uint32_t buffer_ms, integrity_ms;
 };
 
 #define IEC61850_LN_SIZE 17 /* a prefix and an instance of 12 characters together, the class between them */
@@ -44,6 +73,21 @@ struct iec61850_assignment {
 static inline struct iec61850_assignment *iec61850_assignments(const struct map_config *config)
 {
 	return map_records(config, IEC61850_ASSIGNMENTS, sizeof(struct iec61850_assignment));
+}
+
+static inline struct iec61850_data_set *iec61850_data_sets(const struct map_config *config)
+{
+	return map_records(config, IEC61850_DATA_SETS, sizeof(struct iec61850_data_set));
+}
+
+static inline struct iec61850_report *iec61850_reports(const struct map_config *config)
+{
+	return map_records(config, IEC61850_REPORTS, sizeof(struct iec61850_report));
+}
+
+static inline uint32_t *iec61850_members(const struct map_config *config)
+{
+	return map_records(config, IEC61850_MEMBERS, sizeof(uint32_t));
 }
 
 /* NULL: IEC 61850 is not configured. */

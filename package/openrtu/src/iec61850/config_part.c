@@ -14,7 +14,7 @@
 
 static const struct config_rule file_rule = {.name = "iec61850", .kind = CONFIG_OBJECT};
 
-enum { ADDRESS, PORT_KEY, IED, CLIENTS, CONTROLLERS, SECURITY, ASSOCIATIONS, PDU, BUFFER, KEYS };
+enum { ADDRESS, PORT_KEY, IED, CLIENTS, CONTROLLERS, SECURITY, ASSOCIATIONS, PDU, BUFFER, DATA_SETS, KEYS };
 static const char *const securities[] = {"enhanced", "normal", NULL};
 static const struct config_rule rules[KEYS] = {
     [ADDRESS] = {"address", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_ADDRESS_SIZE - 1},
@@ -29,6 +29,12 @@ static const struct config_rule rules[KEYS] = {
 	     .fallback = MAX_PDU},
     [BUFFER] = {"report_buffer", CONFIG_INTEGER, .low = IEC61850_BUFFER_MIN, .high = IEC61850_BUFFER_MAX,
 		.fallback = REPORT_BUFFER},
+    [DATA_SETS] = {"data_sets", CONFIG_ARRAY, .high = IEC61850_DATA_SETS_MAX},
+};
+
+/* What is read when all points are there. */
+struct own {
+	const json_t *data_sets; /* NULL: none */
 };
 
 /* As an IED's name is (IEC 61850-6, tIEDName): a letter, then letters, digits and underscores. */
@@ -63,7 +69,7 @@ static uint32_t power_above(uint32_t number)
 	return power;
 }
 
-static void read_part(struct config_loader *loader, void *own, const struct config_value *values)
+static void read_part(struct config_loader *loader, void *own_memory, const struct config_value *values)
 {
 	const struct config_place file = {.in = NULL};
 	const struct config_place place = config_key_of(&file, file_rule.name);
@@ -72,8 +78,8 @@ static void read_part(struct config_loader *loader, void *own, const struct conf
 	const struct config_place controllers = config_key_of(&place, rules[CONTROLLERS].name);
 	struct config_value keys[KEYS];
 	struct iec61850_settings *settings;
+	struct own *own = own_memory;
 
-	(void)own;
 	if (!values->given)
 		return;
 	settings = calloc(1, sizeof(*settings));
@@ -97,6 +103,7 @@ static void read_part(struct config_loader *loader, void *own, const struct conf
 		settings->controller_count = config_read_addresses(
 		    &loader->report, &controllers, keys[CONTROLLERS].json, settings->controllers);
 	settings->normal_security = keys[SECURITY].integer == 1;
+	own->data_sets = keys[DATA_SETS].given ? keys[DATA_SETS].json : NULL;
 }
 
 static bool begin(struct config_loader *loader, void *own, const json_t *root)
@@ -111,16 +118,17 @@ static bool begin(struct config_loader *loader, void *own, const json_t *root)
 }
 
 /* A name of a data object of GGIO1 ends with the point's address, and is too short for the longest of them. */
-static bool check_points(struct config_loader *loader, void *own)
+static bool link_points(struct config_loader *loader, void *own_memory)
 {
 	const struct config_place file = {.in = NULL};
 	const struct config_place place = config_key_of(&file, file_rule.name);
+	const struct config_place sets = config_key_of(&place, rules[DATA_SETS].name);
 	const struct map_config *config = loader->config;
+	const struct own *own = own_memory;
 	const struct iec61850_assignment *assigned = iec61850_assignments(config);
 	uint32_t left = map_record_count(config, IEC61850_ASSIGNMENTS);
 
-	(void)own;
-	if (!iec61850_check_lns(loader, &place))
+	if (!iec61850_check_lns(loader, &place) || !iec61850_take_sets(loader, &sets, own->data_sets))
 		return false;
 	if (iec61850_settings(config) == NULL)
 		return true;
@@ -143,5 +151,9 @@ static bool check_points(struct config_loader *loader, void *own)
 	return true;
 }
 
-const struct config_part iec61850_part = {
-    .keys = &file_rule, .key_count = 1, .begin = begin, .read = read_part, .link = check_points};
+const struct config_part iec61850_part = {.keys = &file_rule,
+					  .key_count = 1,
+					  .own_size = sizeof(struct own),
+					  .begin = begin,
+					  .read = read_part,
+					  .link = link_points};

@@ -15,4 +15,7 @@ void iec61850_take_ln(struct config_loader *loader, const struct config_place *p
 /* Reports what is wrong with all of them together. False: no memory. */
 bool iec61850_check_lns(struct config_loader *loader, const struct config_place *place);
 
+/* Reads the array of data sets, when all points are there; NULL: there is none. False: no memory. */
+bool iec61850_take_sets(struct config_loader *loader, const struct config_place *place, const json_t *array);
+
 #endif

@@ -23,6 +23,12 @@ static struct iec61850_settings fuzz_settings = {.ied = "RTU",
 static struct iec61850_assignment fuzz_assignments[] = {{.point = MAP_TYPES + MAP_DOUBLE, .ln = "Q1XCBR1"},
 							{.point = MAP_TYPES + MAP_STEP, .ln = "YLTC1"},
 							{.point = MAP_TYPES + MAP_FLOAT, .ln = "MMXU1"}};
+/* The first device's data set and control blocks are chosen, the second's are as they are without. */
+static struct iec61850_data_set fuzz_data_sets[] = {{.name = "Bay", .member_count = 3}};
+static uint32_t fuzz_members[] = {MAP_FLOAT, MAP_SINGLE, MAP_DOUBLE};
+static struct iec61850_report fuzz_reports[] = {
+    {.name = "brcbBay", .buffered = true, .instances = 2, .triggers = IEC61850_DATA_UPDATE},
+    {.name = "urcbBay", .instances = 1}};
 static struct map_config fuzz_config = {.sets = fuzz_sets,
 					.points = fuzz_points,
 					.set_count = 2,
@@ -34,8 +40,20 @@ static struct map_config fuzz_config = {.sets = fuzz_sets,
 						     {.id = IEC61850_ASSIGNMENTS,
 						      .record_size = sizeof(fuzz_assignments[0]),
 						      .count = 3,
-						      .records = fuzz_assignments}},
-					.section_count = 2};
+						      .records = fuzz_assignments},
+						     {.id = IEC61850_DATA_SETS,
+						      .record_size = sizeof(fuzz_data_sets[0]),
+						      .count = 1,
+						      .records = fuzz_data_sets},
+						     {.id = IEC61850_MEMBERS,
+						      .record_size = sizeof(fuzz_members[0]),
+						      .count = 3,
+						      .records = fuzz_members},
+						     {.id = IEC61850_REPORTS,
+						      .record_size = sizeof(fuzz_reports[0]),
+						      .count = 2,
+						      .records = fuzz_reports}},
+					.section_count = 5};
 
 const struct map_config *map_config(const struct map *map)
 {
@@ -131,7 +149,7 @@ static struct iec61850_server *fuzz_server(void)
 	static struct iec61850_server server;
 	static _Alignas(8) uint8_t section[1 << 18];
 	static uint8_t names[FUZZ_MAX_PDU];
-	static struct iec61850_chosen chosen[FUZZ_POINTS];
+	static uint32_t chosen[FUZZ_POINTS];
 
 	if (server.stats != NULL)
 		return &server;

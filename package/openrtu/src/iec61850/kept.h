@@ -12,8 +12,7 @@
 #include "iec61850/stats.h"
 #include "map/history.h"
 
-#define IEC61850_RPT_ID_SIZE 130 /* VISIBLE STRING129 */
-#define IEC61850_KEPT_BLOCKS 4   /* of a logical device */
+#define IEC61850_KEPT_BLOCKS 4 /* of a logical device whose data sets nobody has chosen */
 #define IEC61850_KEPT_DEVICES                                                                                \
 	128 /* that have buffered blocks: the section keeps its size when devices come and go */
 #define IEC61850_KEPT_ALL        (IEC61850_KEPT_DEVICES * IEC61850_KEPT_BLOCKS)
@@ -27,7 +26,8 @@ struct iec61850_kept_block {
 	int64_t told_ns; /* when what was told last happened, in wall time */
 	uint16_t options;
 	uint8_t triggers;
-	uint8_t overflow; /* not 0: entries were lost, which is not told yet */
+	uint8_t overflow;   /* not 0: entries were lost, which is not told yet */
+	int16_t reserved_s; /* ResvTms */
 	char id[IEC61850_RPT_ID_SIZE];
 };
 

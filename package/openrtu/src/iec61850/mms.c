@@ -115,11 +115,12 @@ static enum iec61850_error list_attributes(const struct iec61850_server *server,
 					   const struct ber_element *request, struct ber_writer *writer)
 {
 	const size_t end = writer->at;
-	struct iec61850_object object;
+	const struct iec61850_set *set = iec61850_variable_list(server, request);
 
-	if (!iec61850_variable_list(server, request, &object))
+	if (set == NULL)
 		return IEC61850_NON_EXISTENT;
-	while (!writer->full && iec61850_member_before(&server->model, &object)) {
+	for (uint32_t i = set->count; !writer->full && i-- > 0;) {
+		const struct iec61850_object object = iec61850_member(&server->model, set, i);
 		const size_t member = writer->at;
 		char name[IEC61850_NAME_SIZE];
 

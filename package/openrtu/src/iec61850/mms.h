@@ -13,11 +13,6 @@
 #define IEC61850_CONTROLS      (IEC61850_ASSOCIATIONS_MAX * IEC61850_CONTROLS_EACH)
 #define IEC61850_WISH_SIZE     160 /* octets of a command's parameters: 112 in their shortest form */
 
-/* A member of a data set: its data object, and its place in the set. */
-struct iec61850_chosen {
-	uint32_t number, member;
-};
-
 /* What a service of a command says. */
 struct iec61850_wish {
 	union map_value value;
@@ -61,12 +56,13 @@ struct iec61850_server {
 	struct iec61850_stats *stats;
 	/* What one request needs, whosever it is. */
 	struct ber_element variables[IEC61850_VARIABLES_MAX];
-	uint8_t *names;                 /* max_pdu octets */
-	struct iec61850_chosen *chosen; /* as many as there are points */
+	uint8_t *names;   /* max_pdu octets */
+	uint32_t *chosen; /* members of a data set, as many as there are points */
 	struct iec61850_control controls[IEC61850_CONTROLS];
 	/* Whose turn it is, what it asks, and when. */
 	const void *client;
 	uint32_t session; /* of it, as selections are told apart */
+	struct iec61850_peer peer;
 	bool may_control;
 	bool catching_up;                      /* with the events of a former process */
 	const struct map_history_entry *entry; /* that is being told; NULL: none */
@@ -106,9 +102,9 @@ enum iec61850_error {
 /* An ObjectName that is a domain's: the variable of it. False: it is another, or there is none of this name. */
 bool iec61850_variable(const struct iec61850_server *server, const struct ber_element *name,
 		       struct iec61850_object *out);
-/* The data set of an ObjectName: behind_last is for iec61850_member_before. False: there is none of this name. */
-bool iec61850_variable_list(const struct iec61850_server *server, const struct ber_element *name,
-			    struct iec61850_object *behind_last);
+/* The data set of an ObjectName. NULL: there is none of this name. */
+const struct iec61850_set *iec61850_variable_list(const struct iec61850_server *server,
+						  const struct ber_element *name);
 enum iec61850_error iec61850_name_list(struct iec61850_server *server, const struct ber_element *request,
 				       struct ber_writer *writer);
 enum iec61850_error iec61850_read(struct iec61850_server *server, const struct ber_element *request,

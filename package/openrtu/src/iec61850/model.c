@@ -23,7 +23,8 @@ static const struct iec61850_node report_block[] = {{"RptID", IEC61850_RPT_ID, N
 						    {"SqNum", IEC61850_SQ_NUM, NULL, 0},
 						    {"TrgOps", IEC61850_TRG_OPS, NULL, 0},
 						    {"IntgPd", IEC61850_INTG_PD, NULL, 0},
-						    {"GI", IEC61850_GI, NULL, 0}};
+						    {"GI", IEC61850_GI, NULL, 0},
+						    {"Owner", IEC61850_OWNER, NULL, 0}};
 static const struct iec61850_node buffered_block[] = {{"RptID", IEC61850_RPT_ID, NULL, 0},
 						      {"RptEna", IEC61850_RPT_ENA, NULL, 0},
 						      {"DatSet", IEC61850_DAT_SET, NULL, 0},
@@ -36,17 +37,20 @@ static const struct iec61850_node buffered_block[] = {{"RptID", IEC61850_RPT_ID,
 						      {"GI", IEC61850_GI, NULL, 0},
 						      {"PurgeBuf", IEC61850_PURGE_BUF, NULL, 0},
 						      {"EntryID", IEC61850_ENTRY_ID, NULL, 0},
-						      {"TimeofEntry", IEC61850_TIME_OF_ENTRY, NULL, 0}};
+						      {"TimeofEntry", IEC61850_TIME_OF_ENTRY, NULL, 0},
+						      {"ResvTms", IEC61850_RESV_TMS, NULL, 0},
+						      {"Owner", IEC61850_OWNER, NULL, 0}};
 
+/* What a logical device has if nobody has chosen its data sets. */
+enum { STATUS, MEASURED, DEFAULT_SETS };
+#define BLOCKS_A_SET 2 /* of each kind */
 static const struct {
 	const char *name;
 	enum iec61850_fc fc;
-} sets[IEC61850_SETS] = {
-    [IEC61850_STATUS] = {"LLN0$status", IEC61850_ST}, [IEC61850_MEASURED] = {"LLN0$measured", IEC61850_MX}};
+	const char *unbuffered, *buffered;
+} defaults[DEFAULT_SETS] = {[STATUS] = {"status", IEC61850_ST, "urcbStatus", "brcbStatus"},
+			    [MEASURED] = {"measured", IEC61850_MX, "urcbMeasured", "brcbMeasured"}};
 
-static const char *const block_names[IEC61850_BLOCKS] = {"urcbStatus01",   "urcbStatus02",  "urcbMeasured01",
-							 "urcbMeasured02", "brcbStatus01",  "brcbStatus02",
-							 "brcbMeasured01", "brcbMeasured02"};
 static const char *const fc_names[IEC61850_FCS] = {"BR", "CF", "CO", "DC", "EX", "MX", "RP", "ST"};
 
 const char *iec61850_fc_name(uint32_t fc)
@@ -150,19 +154,15 @@ struct iec61850_block *iec61850_block_of(const struct iec61850_device *device, u
 {
 	const uint32_t fixed = device->lns[ln].fixed;
 
-	return ln == IEC61850_LLN0 && number >= fixed && number - fixed < IEC61850_BLOCKS
+	return ln == IEC61850_LLN0 && number >= fixed && number - fixed < device->block_count
 		   ? &device->blocks[number - fixed]
 		   : NULL;
 }
 
 uint32_t iec61850_object_count(const struct iec61850_device *device, uint32_t ln)
 {
-	return device->lns[ln].fixed + device->lns[ln].count + (ln == IEC61850_LLN0 ? IEC61850_BLOCKS : 0);
-}
-
-static bool is_buffered(const struct iec61850_device *device, const struct iec61850_block *block)
-{
-	return block - device->blocks >= IEC61850_UNBUFFERED;
+	return device->lns[ln].fixed + device->lns[ln].count +
+	       (ln == IEC61850_LLN0 ? device->block_count : 0);
 }
 
 enum iec61850_ctl_kind iec61850_ctl_model(const struct iec61850_model *model, uint32_t point)
@@ -180,18 +180,12 @@ enum iec61850_ctl_kind iec61850_ctl_model(const struct iec61850_model *model, ui
 	return settings->normal_security ? IEC61850_DIRECT_NORMAL : IEC61850_DIRECT_ENHANCED;
 }
 
-static struct iec61850_nodes nodes_of_block(const struct iec61850_model *model,
-					    const struct iec61850_device *device,
-					    const struct iec61850_block *block, enum iec61850_fc fc)
+static struct iec61850_nodes nodes_of_block(const struct iec61850_block *block, enum iec61850_fc fc)
 {
-	const bool buffered = is_buffered(device, block);
-
-	if (fc != (buffered ? IEC61850_BR : IEC61850_RP) ||
-	    device->members[iec61850_set_of(device, block)] == 0 ||
-	    (buffered && device - model->devices >= IEC61850_KEPT_DEVICES))
+	if (fc != (block->buffered ? IEC61850_BR : IEC61850_RP))
 		return (struct iec61850_nodes){0};
-	return buffered ? (struct iec61850_nodes)NODES(buffered_block)
-			: (struct iec61850_nodes)NODES(report_block);
+	return block->buffered ? (struct iec61850_nodes)NODES(buffered_block)
+			       : (struct iec61850_nodes)NODES(report_block);
 }
 
 struct iec61850_nodes iec61850_nodes_of(const struct iec61850_model *model,
@@ -204,7 +198,7 @@ struct iec61850_nodes iec61850_nodes_of(const struct iec61850_model *model,
 	enum iec61850_cdc cdc;
 
 	if (block != NULL)
-		return nodes_of_block(model, device, block, fc);
+		return nodes_of_block(block, fc);
 	cdc = what_of(model, &object).cdc;
 	if (fc != IEC61850_CO)
 		return iec61850_cdc_nodes(cdc, fc);
@@ -245,7 +239,7 @@ struct iec61850_object iec61850_object_of(const struct iec61850_model *model, ui
 
 	return (struct iec61850_object){.device = &model->devices[place->device],
 					.ln = place->ln,
-					.fc = sets[place->set].fc,
+					.fc = place->fc,
 					.number = place->number};
 }
 
@@ -279,10 +273,16 @@ const struct iec61850_device *iec61850_find_device(const struct iec61850_model *
 	return NULL;
 }
 
+static void print_block(const struct iec61850_block *block, char out[IEC61850_NAME_SIZE])
+{
+	snprintf(out, IEC61850_NAME_SIZE, "%s%02u", block->name, (unsigned)block->index);
+}
+
 void iec61850_object_name(const struct iec61850_model *model, const struct iec61850_object *object,
 			  char out[IEC61850_NAME_SIZE])
 {
 	const struct iec61850_ln *ln = ln_of(object);
+	const struct iec61850_block *block;
 	char own[IEC61850_NAME_SIZE];
 
 	if (object->fc == IEC61850_WHOLE) {
@@ -293,8 +293,9 @@ void iec61850_object_name(const struct iec61850_model *model, const struct iec61
 		snprintf(out, IEC61850_NAME_SIZE, "%s$%s", ln->name, fc_names[object->fc]);
 		return;
 	}
-	if (iec61850_block_of(object->device, object->ln, object->number) != NULL) {
-		snprintf(own, sizeof(own), "%s", block_names[object->number - ln->fixed]);
+	block = iec61850_block_of(object->device, object->ln, object->number);
+	if (block != NULL) {
+		print_block(block, own);
 	} else {
 		const struct what what = what_of(model, object);
 
@@ -392,11 +393,15 @@ static bool find_object(const struct iec61850_model *model, const struct part *n
 	const struct iec61850_ln *ln = ln_of(out);
 	const uint32_t count = ln->fixed + ln->count;
 
-	for (uint32_t i = 0; out->ln == IEC61850_LLN0 && i < IEC61850_BLOCKS; i++)
-		if (is(name, block_names[i])) {
+	for (uint32_t i = 0; out->ln == IEC61850_LLN0 && i < out->device->block_count; i++) {
+		char own[IEC61850_NAME_SIZE];
+
+		print_block(&out->device->blocks[i], own);
+		if (is(name, own)) {
 			out->number = ln->fixed + i;
 			return true;
 		}
+	}
 	for (out->number = 0; out->number < (ln->sorted ? ln->fixed : count); out->number++)
 		if (is_named(model, out, name))
 			return true;
@@ -463,80 +468,46 @@ struct iec61850_object iec61850_block_object(const struct iec61850_device *devic
 {
 	return (struct iec61850_object){.device = device,
 					.ln = IEC61850_LLN0,
-					.fc = block < IEC61850_UNBUFFERED ? IEC61850_RP : IEC61850_BR,
+					.fc = device->blocks[block].buffered ? IEC61850_BR : IEC61850_RP,
 					.number = device->lns[IEC61850_LLN0].fixed + block};
 }
 
 /* ---- data sets --------------------------------------------------------------------------- */
 
-uint32_t iec61850_conf_rev(const struct iec61850_device *device, const struct iec61850_block *block)
+void iec61850_set_name(const struct iec61850_set *set, char out[IEC61850_NAME_SIZE])
 {
-	return device->revisions[iec61850_set_of(device, block)];
+	snprintf(out, IEC61850_NAME_SIZE, "LLN0$%s", set->name);
 }
 
-const char *iec61850_set_name(enum iec61850_set set)
-{
-	return sets[set].name;
-}
-
-enum iec61850_set iec61850_find_set(const struct iec61850_device *device, const uint8_t *name, size_t size)
+const struct iec61850_set *iec61850_find_set(const struct iec61850_model *model,
+					     const struct iec61850_device *device, const uint8_t *name,
+					     size_t size)
 {
 	const struct part part = {name, size};
 
-	for (unsigned i = 0; i < IEC61850_SETS; i++)
-		if (is(&part, sets[i].name) && device->members[i] > 0)
-			return (enum iec61850_set)i;
-	return IEC61850_SETS;
-}
+	for (uint32_t i = 0; i < device->set_count; i++) {
+		char own[IEC61850_NAME_SIZE];
 
-struct iec61850_object iec61850_before_first(const struct iec61850_device *device, enum iec61850_set set)
-{
-	return (struct iec61850_object){.device = device,
-					.ln = IEC61850_LNS_FIXED,
-					.fc = sets[set].fc,
-					.number = device->lns[IEC61850_LNS_FIXED].fixed - 1};
-}
-
-struct iec61850_object iec61850_behind_last(const struct iec61850_device *device, enum iec61850_set set)
-{
-	const uint32_t last = device->ln_count - 1;
-
-	return (struct iec61850_object){
-	    .device = device, .ln = last, .fc = sets[set].fc, .number = iec61850_object_count(device, last)};
-}
-
-/* Of a point's data object. */
-static bool is_member(const struct iec61850_model *model, const struct iec61850_object *object)
-{
-	return iec61850_nodes_of(model, object->device, object->ln, object->number,
-				 (enum iec61850_fc)object->fc)
-		   .count > 0;
-}
-
-bool iec61850_next_member(const struct iec61850_model *model, struct iec61850_object *object)
-{
-	const struct iec61850_device *device = object->device;
-
-	for (;;) {
-		while (++object->number < iec61850_object_count(device, object->ln))
-			if (is_member(model, object))
-				return true;
-		if (object->ln + 1 == device->ln_count)
-			return false;
-		object->number = device->lns[++object->ln].fixed - 1;
+		iec61850_set_name(&model->sets[device->first_set + i], own);
+		if (is(&part, own))
+			return &model->sets[device->first_set + i];
 	}
+	return NULL;
 }
 
-bool iec61850_member_before(const struct iec61850_model *model, struct iec61850_object *object)
+struct iec61850_object iec61850_member(const struct iec61850_model *model, const struct iec61850_set *set,
+				       uint32_t member)
 {
-	for (;;) {
-		while (object->number-- > ln_of(object)->fixed)
-			if (is_member(model, object))
-				return true;
-		if (object->ln == IEC61850_LNS_FIXED)
-			return false;
-		object->number = iec61850_object_count(object->device, --object->ln);
-	}
+	return iec61850_object_of(model, model->members[set->first + member].point);
+}
+
+uint32_t iec61850_member_of(const struct iec61850_model *model, uint32_t point, uint32_t set)
+{
+	uint32_t member = model->places[point].member;
+
+	while (member != IEC61850_NO_MEMBER && model->members[member].set != set)
+		member = model->members[member].next;
+	return member == IEC61850_NO_MEMBER ? member : member - model->sets[set].first;
 }
 
 /* ---- begin, end -------------------------------------------------------------------------- */
@@ -651,32 +622,175 @@ static uint32_t hash_member(const struct iec61850_model *model, const struct iec
 	return hash_of(hash_of(hash, name, strlen(name)), class, strlen(class));
 }
 
-/* A control block has a reason for each member of its data set. */
-static void make_blocks(struct iec61850_model *model)
+/* Where each point is. */
+static void make_places(struct iec61850_model *model)
 {
-	uint8_t *reasons = model->reasons;
+	for (uint32_t i = 0; i < model->device_count; i++) {
+		const struct iec61850_device *device = &model->devices[i];
+
+		for (uint32_t ln = IEC61850_LNS_FIXED; ln < device->ln_count; ln++)
+			for (uint32_t j = 0; j < device->lns[ln].count; j++) {
+				const uint32_t number = device->lns[ln].fixed + j;
+				const bool measured =
+				    iec61850_nodes_of(model, device, ln, number, IEC61850_MX).count > 0;
+
+				model->places[model->points[device->lns[ln].first + j]] =
+				    (struct iec61850_place){.device = i,
+							    .ln = ln,
+							    .number = number,
+							    .member = IEC61850_NO_MEMBER,
+							    .fc = measured ? IEC61850_MX : IEC61850_ST};
+			}
+	}
+}
+
+static void add_member(struct iec61850_model *model, uint32_t set, uint32_t point)
+{
+	struct iec61850_place *place = &model->places[point];
+	const struct iec61850_object object = iec61850_object_of(model, point);
+
+	model->members[model->member_count] =
+	    (struct iec61850_member){.point = point, .set = set, .next = place->member};
+	place->member = model->member_count++;
+	model->sets[set].count++;
+	model->sets[set].revision = hash_member(model, &object, model->sets[set].revision);
+}
+
+static uint32_t add_set(struct iec61850_model *model, struct iec61850_device *device, const char *name)
+{
+	model->sets[model->set_count] =
+	    (struct iec61850_set){.name = name, .first = model->member_count, .revision = HASH_BASIS};
+	if (device->set_count++ == 0)
+		device->first_set = model->set_count;
+	return model->set_count++;
+}
+
+static void end_set(struct iec61850_set *set)
+{
+	if (set->revision == 0)
+		set->revision = 1; /* 0 would be: not configured */
+}
+
+/* A control block has a reason for each member of its data set. */
+static void add_blocks(struct iec61850_model *model, struct iec61850_device *device,
+		       const struct iec61850_report *report, uint32_t set, uint32_t *kept)
+{
+	for (unsigned i = 0; i < report->instances; i++) {
+		struct iec61850_block *block = &model->blocks[model->block_count++];
+
+		*block = (struct iec61850_block){.name = report->name,
+						 .index = (uint8_t)(i + 1),
+						 .buffered = report->buffered,
+						 .set = set,
+						 .triggers = report->triggers,
+						 .options = report->options,
+						 .buffer_ms = report->buffer_ms,
+						 .integrity_ms = report->integrity_ms,
+						 .reasons = model->reasons + model->reason_count};
+		snprintf(block->id, sizeof(block->id), "%s", report->id);
+		if (report->buffered)
+			block->kept_number = (*kept)++;
+		model->reason_count += model->sets[set].count;
+		device->block_count++;
+	}
+}
+
+/* Places of buffered blocks are those of both data sets, whether they have members or not: a point that comes moves none. */
+static void add_default_blocks(struct iec61850_model *model, struct iec61850_device *device,
+			       const uint32_t of[DEFAULT_SETS], bool buffered, uint32_t *kept)
+{
+	const uint32_t first = *kept;
+
+	if (buffered && first + IEC61850_KEPT_BLOCKS > IEC61850_KEPT_ALL)
+		return;
+	for (unsigned i = 0; i < DEFAULT_SETS; i++) {
+		struct iec61850_report report = {.instances = BLOCKS_A_SET, .buffered = buffered};
+
+		if (of[i] == IEC61850_NO_MEMBER)
+			continue;
+		if (buffered) {
+			report.triggers = IEC61850_DATA_CHANGE | IEC61850_QUALITY_CHANGE;
+			report.options = IEC61850_SEQUENCE | IEC61850_TIME_STAMP | IEC61850_REASON |
+					 IEC61850_OVERFLOW | IEC61850_ENTRY;
+			*kept = first + i * BLOCKS_A_SET;
+		}
+		add_blocks(model, device, &report, of[i], kept);
+		for (unsigned j = 1; j <= BLOCKS_A_SET; j++) /* of the file's, which last */
+			device->blocks[device->block_count - j].name =
+			    buffered ? defaults[i].buffered : defaults[i].unbuffered;
+	}
+	if (buffered)
+		*kept = first + IEC61850_KEPT_BLOCKS;
+}
+
+static void make_default_sets(struct iec61850_model *model, struct iec61850_device *device, uint32_t *kept)
+{
+	uint32_t of[DEFAULT_SETS];
+
+	for (unsigned i = DEFAULT_SETS; i-- > 0;) { /* in the order of their names */
+		of[i] = IEC61850_NO_MEMBER;
+		for (uint32_t j = 0; j < device->count; j++) {
+			const uint32_t point = model->points[device->first + j];
+
+			if (model->places[point].fc != defaults[i].fc)
+				continue;
+			if (of[i] == IEC61850_NO_MEMBER)
+				of[i] = add_set(model, device, defaults[i].name);
+			add_member(model, of[i], point);
+		}
+		if (of[i] != IEC61850_NO_MEMBER)
+			end_set(&model->sets[of[i]]);
+	}
+	add_default_blocks(model, device, of, false, kept);
+	add_default_blocks(model, device, of, true, kept);
+}
+
+/* A data set of the file, with its control blocks. */
+static void make_chosen_set(struct iec61850_model *model, struct iec61850_device *device, uint32_t number,
+			    uint32_t *kept)
+{
+	const struct iec61850_data_set *chosen = &iec61850_data_sets(model->config)[number];
+	const uint32_t set = add_set(model, device, chosen->name);
+
+	for (uint32_t i = 0; i < chosen->member_count; i++)
+		add_member(model, set, iec61850_members(model->config)[chosen->first_member + i]);
+	end_set(&model->sets[set]);
+	if (chosen->conf_rev != 0)
+		model->sets[set].revision = chosen->conf_rev;
+	for (uint32_t i = 0; i < map_record_count(model->config, IEC61850_REPORTS); i++)
+		if (iec61850_reports(model->config)[i].set == number)
+			add_blocks(model, device, &iec61850_reports(model->config)[i], set, kept);
+}
+
+/* Buffered blocks that are chosen: they have the first places. */
+static uint32_t chosen_kept(const struct map_config *config)
+{
+	uint32_t count = 0;
+
+	for (uint32_t i = 0; i < map_record_count(config, IEC61850_REPORTS); i++)
+		if (iec61850_reports(config)[i].buffered)
+			count += iec61850_reports(config)[i].instances;
+	return count;
+}
+
+/* The file's data sets are in the order of their names. */
+static void make_sets(struct iec61850_model *model)
+{
+	const uint32_t chosen = map_record_count(model->config, IEC61850_DATA_SETS);
+	uint32_t kept = 0, default_kept = chosen_kept(model->config);
 
 	for (uint32_t i = 0; i < model->device_count; i++) {
 		struct iec61850_device *device = &model->devices[i];
 
-		device->blocks = &model->blocks[i * IEC61850_BLOCKS];
-		for (unsigned set = 0; set < IEC61850_SETS; set++) {
-			struct iec61850_object object = iec61850_before_first(device, (enum iec61850_set)set);
-			uint32_t hash = HASH_BASIS;
+		device->blocks = &model->blocks[model->block_count];
+		for (uint32_t j = 0; j < chosen; j++) {
+			const struct iec61850_data_set *set = &iec61850_data_sets(model->config)[j];
 
-			while (iec61850_next_member(model, &object)) {
-				model->places[iec61850_point_of(model, &object)] = (struct iec61850_place){
-				    i, device->members[set]++, object.ln, object.number, (uint8_t)set};
-				hash = hash_member(model, &object, hash);
-			}
-			device->revisions[set] = hash == 0 ? 1 : hash; /* 0 would be: not configured */
+			if (model->places[iec61850_members(model->config)[set->first_member]].device == i)
+				make_chosen_set(model, device, j, &kept);
 		}
-		for (unsigned j = 0; j < IEC61850_BLOCKS; j++) {
-			struct iec61850_block *block = &device->blocks[j];
-
-			block->reasons = reasons;
-			reasons += device->members[iec61850_set_of(device, block)];
-		}
+		if (device->set_count == 0)
+			make_default_sets(model, device, &default_kept);
 	}
 }
 
@@ -685,6 +799,20 @@ static uint32_t hash_assignment(uint32_t hash, const struct iec61850_assignment 
 	const uint32_t words[] = {assigned->class, assigned->data, assigned->number};
 
 	return hash_of(hash_of(hash, assigned->ln, strlen(assigned->ln)), words, sizeof(words));
+}
+
+static uint32_t hash_section(const struct map_config *config, uint32_t id, size_t size, uint32_t hash)
+{
+	const uint32_t count = map_record_count(config, id);
+
+	return count == 0 ? hash : hash_of(hash, map_records(config, id, size), count * size);
+}
+
+static uint32_t hash_chosen(const struct map_config *config, uint32_t hash)
+{
+	hash = hash_section(config, IEC61850_DATA_SETS, sizeof(struct iec61850_data_set), hash);
+	hash = hash_section(config, IEC61850_MEMBERS, sizeof(uint32_t), hash);
+	return hash_section(config, IEC61850_REPORTS, sizeof(struct iec61850_report), hash);
 }
 
 /* What the model is made of. */
@@ -701,7 +829,7 @@ static uint32_t number_of_configuration(const struct iec61850_model *model)
 		if (model->assigned[model->points[i]] != NULL)
 			hash = hash_assignment(hash, model->assigned[model->points[i]]);
 	}
-	return hash;
+	return hash_chosen(model->config, hash);
 }
 
 bool iec61850_model_begin(struct iec61850_model *model, const struct map *map)
@@ -713,15 +841,36 @@ bool iec61850_model_begin(struct iec61850_model *model, const struct map *map)
 	return begun;
 }
 
+/* What sets and blocks there can be at most: those of the file, and those of devices without. */
+static bool allocate_sets(struct iec61850_model *model)
+{
+	const struct map_config *config = model->config;
+	const uint32_t chosen = map_record_count(config, IEC61850_DATA_SETS);
+	size_t blocks = (size_t)model->device_count * 2 * DEFAULT_SETS * BLOCKS_A_SET;
+	/* A point is a member of one default data set at most. */
+	size_t reasons = (size_t)config->point_count * 2 * BLOCKS_A_SET;
+
+	for (uint32_t i = 0; i < map_record_count(config, IEC61850_REPORTS); i++) {
+		const struct iec61850_report *report = &iec61850_reports(config)[i];
+
+		blocks += report->instances;
+		reasons += (size_t)report->instances * iec61850_data_sets(config)[report->set].member_count;
+	}
+	model->sets = calloc((size_t)model->device_count * DEFAULT_SETS + chosen + 1, sizeof(*model->sets));
+	model->members = calloc((size_t)config->point_count + map_record_count(config, IEC61850_MEMBERS) + 1,
+				sizeof(*model->members));
+	model->blocks = calloc(blocks + 1, sizeof(*model->blocks));
+	model->reasons = calloc(reasons + 1, 1);
+	return model->sets != NULL && model->members != NULL && model->blocks != NULL &&
+	       model->reasons != NULL;
+}
+
 bool iec61850_model_of(struct iec61850_model *model, const struct map_config *config)
 {
 	*model = (struct iec61850_model){.config = config,
 					 .settings = iec61850_settings(config),
 					 .points = calloc(config->point_count + 1, sizeof(*model->points)),
 					 .devices = calloc(config->set_count + 1, sizeof(*model->devices))};
-	model->blocks = calloc((size_t)config->set_count * IEC61850_BLOCKS + 1, sizeof(*model->blocks));
-	/* A point is a member of one data set at most. */
-	model->reasons = calloc((size_t)config->point_count * IEC61850_BLOCKS / IEC61850_SETS + 1, 1);
 	model->places = calloc(config->point_count + 1, sizeof(*model->places));
 	model->image = calloc(config->point_count + 1, sizeof(*model->image));
 	model->assigned = calloc(config->point_count + 1, sizeof(*model->assigned));
@@ -729,9 +878,8 @@ bool iec61850_model_of(struct iec61850_model *model, const struct map_config *co
 	model->lns = calloc((size_t)config->set_count * (IEC61850_LNS_FIXED + 1) +
 				map_record_count(config, IEC61850_ASSIGNMENTS) + 1,
 			    sizeof(*model->lns));
-	if (model->points == NULL || model->devices == NULL || model->blocks == NULL ||
-	    model->reasons == NULL || model->places == NULL || model->image == NULL ||
-	    model->assigned == NULL || model->lns == NULL)
+	if (model->points == NULL || model->devices == NULL || model->places == NULL ||
+	    model->image == NULL || model->assigned == NULL || model->lns == NULL)
 		return false;
 	for (uint32_t i = 0; i < config->point_count; i++)
 		model->points[i] = i;
@@ -739,7 +887,10 @@ bool iec61850_model_of(struct iec61850_model *model, const struct map_config *co
 		model->assigned[iec61850_assignments(config)[i].point] = &iec61850_assignments(config)[i];
 	qsort_r(model->points, config->point_count, sizeof(*model->points), by_address, model);
 	make_devices(model);
-	make_blocks(model);
+	make_places(model);
+	if (!allocate_sets(model))
+		return false;
+	make_sets(model);
 	model->revision = number_of_configuration(model);
 	return true;
 }
@@ -748,6 +899,8 @@ void iec61850_model_end(struct iec61850_model *model)
 {
 	free(model->points);
 	free(model->devices);
+	free(model->sets);
+	free(model->members);
 	free(model->blocks);
 	free(model->reasons);
 	free(model->places);

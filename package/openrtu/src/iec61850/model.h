@@ -31,18 +31,26 @@ struct iec61850_ln {
 	bool sorted;           /* in the order of their IOAs, by which they are named */
 };
 
-/* The data sets of a logical device: what its points have under ST, and under MX. */
-enum iec61850_set { IEC61850_STATUS, IEC61850_MEASURED, IEC61850_SETS };
+#define IEC61850_NO_MEMBER UINT32_MAX
 
-#define IEC61850_BLOCKS_A_SET 2
-#define IEC61850_UNBUFFERED                                                                                  \
-	(IEC61850_SETS * IEC61850_BLOCKS_A_SET) /* of a logical device; as many buffered ones behind */
-#define IEC61850_BLOCKS (IEC61850_UNBUFFERED + IEC61850_KEPT_BLOCKS)
+/* A data set. If the configuration has none of a logical device: status, what its points have under ST, and measured, under MX. */
+struct iec61850_set {
+	const char *name;
+	uint32_t first, count; /* of the model's members */
+	uint32_t revision;     /* ConfRev: another one when the members are others */
+};
+
+/* A point in a data set. */
+struct iec61850_member {
+	uint32_t point, set;
+	uint32_t next; /* member that is the same point, in another set; IEC61850_NO_MEMBER: there is none */
+};
 
 /* TrgOps, and the reasons for inclusion; OptFlds (IEC 61850-8-1, tables 38 and 39): the first bit in the most significant place. */
 enum iec61850_trigger {
 	IEC61850_DATA_CHANGE = 0x40,
 	IEC61850_QUALITY_CHANGE = 0x20,
+	IEC61850_DATA_UPDATE = 0x10,
 	IEC61850_INTEGRITY = 0x08,
 	IEC61850_GENERAL = 0x04,
 	IEC61850_TRIGGERS = 0x7c,
@@ -61,9 +69,21 @@ enum iec61850_option {
 	IEC61850_ALL_OPTIONS = 0x7fc0,
 };
 
+/* Where a client is, as an IPv6 address. */
+struct iec61850_peer {
+	uint8_t octets[16];
+};
+
 /* A report control block. */
 struct iec61850_block {
+	const char *name; /* before its index */
+	uint8_t index;    /* from 1 */
+	bool buffered;
+	uint32_t set;                  /* of the model's */
+	uint32_t kept_number;          /* of a buffered one: of its reader */
 	const void *owner;             /* the association that has it; NULL: none */
+	struct iec61850_peer peer;     /* of the owner, or of the former one while the block is kept for it */
+	int64_t reserved_ns;           /* so long it is kept for the owner that is gone */
 	char id[IEC61850_RPT_ID_SIZE]; /* empty: its reference */
 	bool enabled, reserved;
 	uint8_t triggers;
@@ -83,16 +103,17 @@ struct iec61850_device {
 	uint32_t first, count;         /* of the model's points */
 	const struct iec61850_ln *lns; /* in the order in which clients see them */
 	uint32_t ln_count;
-	uint32_t members[IEC61850_SETS];
-	uint32_t revisions[IEC61850_SETS]; /* ConfRev: another one when the members are others */
-	struct iec61850_block *blocks;     /* IEC61850_BLOCKS */
+	uint32_t first_set, set_count; /* of the model's, in the order of their names */
+	struct iec61850_block *blocks;
+	uint32_t block_count;
 };
 
 /* Where a point is in the model. */
 struct iec61850_place {
-	uint32_t device, member; /* of its data set */
-	uint32_t ln, number;     /* of its data object */
-	uint8_t set;             /* enum iec61850_set */
+	uint32_t device;
+	uint32_t ln, number; /* of its data object */
+	uint32_t member;     /* the first one that it is; IEC61850_NO_MEMBER: of no data set */
+	uint8_t fc;          /* under which its value is: enum iec61850_fc */
 };
 
 struct iec61850_model {
@@ -105,8 +126,14 @@ struct iec61850_model {
 	uint32_t ln_count;
 	struct iec61850_device *devices;
 	uint32_t device_count;
-	struct iec61850_block *blocks;
+	struct iec61850_set *sets;
+	uint32_t set_count;
+	struct iec61850_member *members;
+	uint32_t member_count;
+	struct iec61850_block *blocks; /* of all devices */
+	uint32_t block_count;
 	uint8_t *reasons;
+	size_t reason_count;
 	struct iec61850_place *places;
 	struct map_sample *image; /* of each point, as the events have it that were taken */
 	struct iec61850_buffer buffer;
@@ -179,23 +206,22 @@ enum iec61850_ctl_kind iec61850_ctl_model(const struct iec61850_model *model, ui
 struct iec61850_block *iec61850_block_of(const struct iec61850_device *device, uint32_t ln, uint32_t number);
 /* The object of a logical device's control block. */
 struct iec61850_object iec61850_block_object(const struct iec61850_device *device, uint32_t block);
-static inline enum iec61850_set iec61850_set_of(const struct iec61850_device *device,
-						const struct iec61850_block *block)
+static inline const struct iec61850_set *iec61850_set_of(const struct iec61850_model *model,
+							 const struct iec61850_block *block)
 {
-	return (enum iec61850_set)((block - device->blocks) % IEC61850_UNBUFFERED / IEC61850_BLOCKS_A_SET);
+	return &model->sets[block->set];
 }
-/* What its ConfRev says. */
-uint32_t iec61850_conf_rev(const struct iec61850_device *device, const struct iec61850_block *block);
 /* The name of a data set in its logical device, as LLN0$status. */
-const char *iec61850_set_name(enum iec61850_set set);
-/* The data set of this name. IEC61850_SETS: there is none, or it has no members. */
-enum iec61850_set iec61850_find_set(const struct iec61850_device *device, const uint8_t *name, size_t size);
-/* The member behind object, which begins as iec61850_before_first. False: there is none. */
-bool iec61850_next_member(const struct iec61850_model *model, struct iec61850_object *object);
-/* The one before; object begins as iec61850_behind_last. */
-bool iec61850_member_before(const struct iec61850_model *model, struct iec61850_object *object);
-struct iec61850_object iec61850_before_first(const struct iec61850_device *device, enum iec61850_set set);
-struct iec61850_object iec61850_behind_last(const struct iec61850_device *device, enum iec61850_set set);
+void iec61850_set_name(const struct iec61850_set *set, char out[IEC61850_NAME_SIZE]);
+/* The data set of this name. NULL: there is none. */
+const struct iec61850_set *iec61850_find_set(const struct iec61850_model *model,
+					     const struct iec61850_device *device, const uint8_t *name,
+					     size_t size);
+/* The data object of a set's member. */
+struct iec61850_object iec61850_member(const struct iec61850_model *model, const struct iec61850_set *set,
+				       uint32_t member);
+/* Which member of the set a point is. IEC61850_NO_MEMBER: none. */
+uint32_t iec61850_member_of(const struct iec61850_model *model, uint32_t point, uint32_t set);
 /* The point that a data object shows; MAP_NONE: it is the logical device's own. */
 uint32_t iec61850_point_of(const struct iec61850_model *model, const struct iec61850_object *object);
 

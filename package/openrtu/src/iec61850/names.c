@@ -113,11 +113,15 @@ static bool add_variables(struct list *list, const struct iec61850_model *model,
 	return true;
 }
 
-static void add_sets(struct list *list, const struct iec61850_device *device)
+static void add_sets(struct list *list, const struct iec61850_model *model,
+		     const struct iec61850_device *device)
 {
-	for (unsigned i = IEC61850_SETS; i-- > 0;) /* in the order of their names */
-		if (device->members[i] > 0)
-			add(list, iec61850_set_name((enum iec61850_set)i));
+	for (uint32_t i = 0; i < device->set_count; i++) {
+		char name[IEC61850_NAME_SIZE];
+
+		iec61850_set_name(&model->sets[device->first_set + i], name);
+		add(list, name);
+	}
 }
 
 static void add_devices(struct list *list, const struct iec61850_model *model)
@@ -145,7 +149,7 @@ static enum iec61850_error fill(struct list *list, const struct iec61850_model *
 		if (class == NAMED_VARIABLE && !add_variables(list, model, device))
 			return IEC61850_UNDEFINED;
 		if (class == NAMED_VARIABLE_LIST)
-			add_sets(list, device);
+			add_sets(list, model, device);
 	} else if (!ber_find(scope, OF_VMD, &of) && !ber_find(scope, OF_ASSOCIATION, &of)) {
 		return IEC61850_INVALID_REQUEST;
 	} else if (class == DOMAIN && of.tag == OF_VMD) {

@@ -59,11 +59,12 @@ static enum iec61850_error read_list(struct iec61850_server *server, const struc
 				     struct ber_writer *writer)
 {
 	const size_t end = writer->at;
-	struct iec61850_object object;
+	const struct iec61850_set *set = iec61850_variable_list(server, name);
 
-	if (!iec61850_variable_list(server, name, &object))
+	if (set == NULL)
 		return IEC61850_NON_EXISTENT;
-	while (!writer->full && iec61850_member_before(&server->model, &object)) {
+	for (uint32_t i = set->count; !writer->full && i-- > 0;) {
+		const struct iec61850_object object = iec61850_member(&server->model, set, i);
 		const size_t member = writer->at;
 
 		iec61850_count(server, IEC61850_COUNT_READS);

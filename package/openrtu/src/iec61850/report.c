@@ -19,10 +19,10 @@ static void mark(struct iec61850_block *block, uint32_t member, unsigned reason,
 		block->due_ns = now_ns + block->buffer_ms * NS_PER_MS;
 }
 
-static void mark_all(const struct iec61850_device *device, struct iec61850_block *block, unsigned reason,
+static void mark_all(const struct iec61850_model *model, struct iec61850_block *block, unsigned reason,
 		     int64_t now_ns)
 {
-	const uint32_t count = device->members[iec61850_set_of(device, block)];
+	const uint32_t count = iec61850_set_of(model, block)->count;
 
 	for (uint32_t i = 0; i < count; i++)
 		mark(block, i, reason, now_ns);
@@ -30,23 +30,52 @@ static void mark_all(const struct iec61850_device *device, struct iec61850_block
 		block->due_ns = now_ns; /* who asks for all does not wait */
 }
 
-/* again: of an event that a former process had not taken, which the image may have already: it is a change all the same. */
-static void note(struct iec61850_server *server, uint32_t point, const struct map_sample *sample, bool again,
-		 int64_t now_ns)
+/* Marks the point in each data set that has it. */
+static void mark_point(const struct iec61850_model *model, uint32_t point, unsigned reason, int64_t now_ns)
+{
+	const struct iec61850_device *device = &model->devices[model->places[point].device];
+
+	for (uint32_t i = model->places[point].member; i != IEC61850_NO_MEMBER; i = model->members[i].next)
+		for (uint32_t j = 0; j < device->block_count; j++)
+			if (!device->blocks[j].buffered && device->blocks[j].set == model->members[i].set)
+				mark(&device->blocks[j], i - model->sets[model->members[i].set].first, reason,
+				     now_ns);
+}
+
+/* Why a sample is told; 0: it is not. */
+static unsigned reason_of(const struct map_sample *sample, const struct map_sample *before)
+{
+	const bool changed = sample->value.u != before->value.u || sample->detail != before->detail;
+
+	return (changed ? IEC61850_DATA_CHANGE : 0) |
+	       (sample->quality != before->quality ? IEC61850_QUALITY_CHANGE : 0);
+}
+
+/* Whether a buffered block tells updates of a point that change nothing: only then they are kept. */
+static bool keeps_updates(const struct iec61850_model *model, uint32_t point)
+{
+	const struct iec61850_device *device = &model->devices[model->places[point].device];
+
+	for (uint32_t i = 0; i < device->block_count; i++)
+		if (device->blocks[i].buffered && (device->blocks[i].triggers & IEC61850_DATA_UPDATE) &&
+		    iec61850_member_of(model, point, device->blocks[i].set) != IEC61850_NO_MEMBER)
+			return true;
+	return false;
+}
+
+/* otherwise: the reason of what is neither another value nor another quality; 0: it is not told. */
+static void note(struct iec61850_server *server, uint32_t point, const struct map_sample *sample,
+		 unsigned otherwise, int64_t now_ns)
 {
 	const struct iec61850_model *model = &server->model;
-	const struct iec61850_place *place = &model->places[point];
-	const struct iec61850_device *device = &model->devices[place->device];
-	const unsigned reason =
-	    (sample->value.u != model->image[point].value.u ? IEC61850_DATA_CHANGE : 0) |
-	    (sample->quality != model->image[point].quality ? IEC61850_QUALITY_CHANGE : 0);
+	const unsigned changed = reason_of(sample, &model->image[point]);
+	const unsigned reason = changed != 0 ? changed : otherwise;
 
 	model->image[point] = *sample;
-	if (reason != 0 || again)
-		iec61850_buffer_add(&server->model.buffer, point,
-				    (uint8_t)(reason != 0 ? reason : (unsigned)IEC61850_DATA_CHANGE), sample);
-	for (unsigned i = 0; reason != 0 && i < IEC61850_BLOCKS_A_SET; i++)
-		mark(&device->blocks[place->set * IEC61850_BLOCKS_A_SET + i], place->member, reason, now_ns);
+	if (reason != 0 && (reason != IEC61850_DATA_UPDATE || keeps_updates(model, point)))
+		iec61850_buffer_add(&server->model.buffer, point, (uint8_t)reason, sample);
+	if (reason != 0)
+		mark_point(model, point, reason, now_ns);
 }
 
 static void note_owner(struct iec61850_server *server, uint32_t module, int64_t now_ns)
@@ -56,7 +85,7 @@ static void note_owner(struct iec61850_server *server, uint32_t module, int64_t 
 	for (uint32_t i = 0; i < server->model.config->point_count; i++)
 		if ((module == MAP_NONE || map_owner(server->model.map, i) == module) &&
 		    map_read(server->model.map, i, &sample))
-			note(server, i, &sample, false, now_ns);
+			note(server, i, &sample, 0, now_ns);
 }
 
 void iec61850_report_all(struct iec61850_server *server, int64_t now_ns)
@@ -69,7 +98,9 @@ void iec61850_report_event(struct iec61850_server *server, const struct map_even
 	switch ((enum map_event_kind)event->kind) {
 	case MAP_EVENT_CHANGE: /* those of an earlier start are buffered blocks' */
 		if (event->time == MAP_TIME_MONOTONIC && event->point < server->model.config->point_count)
-			note(server, event->point, &event->sample, server->catching_up, now_ns);
+			/* What a former process had not taken, the image may have already: it is a change. */
+			note(server, event->point, &event->sample,
+			     server->catching_up ? IEC61850_DATA_CHANGE : IEC61850_DATA_UPDATE, now_ns);
 		return;
 	case MAP_EVENT_MODULE_DOWN:
 	case MAP_EVENT_MODULE_UP:
@@ -97,25 +128,6 @@ static uint32_t numbering(const struct iec61850_model *model)
 	return hash;
 }
 
-static void load_block(struct iec61850_block *block, struct map_history_reader *reader)
-{
-	struct iec61850_kept_block *kept = (void *)reader->octets;
-
-	block->kept = kept;
-	block->reader = reader;
-	if (!reader->used) {
-		kept->triggers = IEC61850_DATA_CHANGE | IEC61850_QUALITY_CHANGE;
-		kept->options = IEC61850_SEQUENCE | IEC61850_TIME_STAMP | IEC61850_REASON |
-				IEC61850_OVERFLOW | IEC61850_ENTRY;
-	}
-	block->triggers = kept->triggers & IEC61850_TRIGGERS; /* it may be of a file */
-	block->options = kept->options & IEC61850_ALL_OPTIONS;
-	block->buffer_ms = kept->buffer_ms;
-	block->integrity_ms = kept->integrity_ms;
-	kept->id[sizeof(kept->id) - 1] = '\0';
-	memcpy(block->id, kept->id, sizeof(block->id));
-}
-
 static void save_block(const struct iec61850_block *block)
 {
 	struct iec61850_kept_block *kept = block->kept;
@@ -125,6 +137,23 @@ static void save_block(const struct iec61850_block *block)
 	kept->buffer_ms = block->buffer_ms;
 	kept->integrity_ms = block->integrity_ms;
 	memcpy(kept->id, block->id, sizeof(kept->id));
+}
+
+static void load_block(struct iec61850_block *block, struct map_history_reader *reader)
+{
+	struct iec61850_kept_block *kept = (void *)reader->octets;
+
+	block->kept = kept;
+	block->reader = reader;
+	kept->reserved_s = 0; /* for whom, only the former process knew */
+	if (!reader->used)
+		save_block(block);
+	block->triggers = kept->triggers & IEC61850_TRIGGERS; /* it may be of a file */
+	block->options = kept->options & IEC61850_ALL_OPTIONS;
+	block->buffer_ms = kept->buffer_ms;
+	block->integrity_ms = kept->integrity_ms;
+	kept->id[sizeof(kept->id) - 1] = '\0';
+	memcpy(block->id, kept->id, sizeof(block->id));
 }
 
 /*
@@ -158,10 +187,9 @@ void iec61850_report_begin(struct iec61850_server *server, void *section, struct
 	    iec61850_buffer_begin(buffer, section, model->config, numbering(model), start);
 
 	server->catching_up = begun == IEC61850_GOES_ON;
-	for (uint32_t i = 0; i < model->device_count && i < IEC61850_KEPT_DEVICES; i++)
-		for (uint32_t j = 0; j < IEC61850_KEPT_BLOCKS; j++)
-			load_block(&model->devices[i].blocks[IEC61850_UNBUFFERED + j],
-				   &buffer->history.readers[i * IEC61850_KEPT_BLOCKS + j]);
+	for (uint32_t i = 0; i < model->block_count; i++)
+		if (model->blocks[i].buffered)
+			load_block(&model->blocks[i], &buffer->history.readers[model->blocks[i].kept_number]);
 	take_image(model, begun);
 	if (begun == IEC61850_GOES_ON)
 		*cursor = iec61850_buffer_cursor(buffer);
@@ -174,10 +202,9 @@ void iec61850_report_begin(struct iec61850_server *server, void *section, struct
 
 /* ---- control blocks ---------------------------------------------------------------------- */
 
-static void enable(const struct iec61850_device *device, struct iec61850_block *block, bool on,
-		   int64_t now_ns)
+static void enable(const struct iec61850_model *model, struct iec61850_block *block, bool on, int64_t now_ns)
 {
-	memset(block->reasons, 0, device->members[iec61850_set_of(device, block)]);
+	memset(block->reasons, 0, iec61850_set_of(model, block)->count);
 	block->enabled = on;
 	block->due_ns = 0;
 	block->number = 0;
@@ -273,14 +300,30 @@ static int write_id(const struct ber_element *data, struct iec61850_block *block
 static int write_set(struct iec61850_server *server, const struct iec61850_object *object,
 		     const struct ber_element *data, const struct iec61850_block *block)
 {
-	char device[IEC61850_NAME_SIZE], name[IEC61850_REFERENCE_SIZE];
+	char device[IEC61850_NAME_SIZE], set[IEC61850_NAME_SIZE], name[IEC61850_REFERENCE_SIZE];
 
 	iec61850_device_name(&server->model, object->device, device);
-	snprintf(name, sizeof(name), "%s/%s", device,
-		 iec61850_set_name(iec61850_set_of(object->device, block)));
+	iec61850_set_name(iec61850_set_of(&server->model, block), set);
+	snprintf(name, sizeof(name), "%s/%s", device, set);
 	if (data->tag != IEC61850_TAG_VISIBLE_STRING)
 		return IEC61850_ACCESS_TYPE_INCONSISTENT;
 	return ber_is(data, name, strlen(name)) ? 0 : IEC61850_ACCESS_VALUE_INVALID;
+}
+
+/* So many seconds the block stays its client's without an association; 0 gives it back (7-2, 17.2.3.2.2.14). */
+static int write_reservation(const struct ber_element *data, struct iec61850_block *block)
+{
+	int64_t value;
+
+	if ((data->tag != IEC61850_TAG_UNSIGNED && data->tag != IEC61850_TAG_INTEGER) ||
+	    !ber_integer(data, &value))
+		return IEC61850_ACCESS_TYPE_INCONSISTENT;
+	if (value < 0 || value > INT16_MAX) /* -1 is of a configuration that gives a block to one client */
+		return IEC61850_ACCESS_VALUE_INVALID;
+	block->kept->reserved_s = (int16_t)value;
+	if (value == 0)
+		block->owner = NULL;
+	return 0;
 }
 
 static int write_attribute(struct iec61850_server *server, const struct iec61850_object *object,
@@ -310,6 +353,8 @@ static int write_attribute(struct iec61850_server *server, const struct iec61850
 		return write_number(data, &block->integrity_ms);
 	case IEC61850_ENTRY_ID:
 		return write_entry(server, data, block);
+	case IEC61850_RESV_TMS:
+		return write_reservation(data, block);
 	default:
 		return IEC61850_ACCESS_DENIED;
 	}
@@ -336,15 +381,15 @@ static int write_switch(struct iec61850_server *server, const struct iec61850_ob
 {
 	switch (object->node->leaf) {
 	case IEC61850_RPT_ENA:
-		enable(object->device, block, on, server->now_ns);
-		if (!on && !block->reserved)
+		enable(&server->model, block, on, server->now_ns);
+		if (!on && !block->reserved && !(block->kept != NULL && block->kept->reserved_s > 0))
 			block->owner = NULL;
 		return 0;
 	case IEC61850_GI:
 		if (!block->enabled)
 			return IEC61850_ACCESS_UNAVAILABLE;
 		if (on)
-			mark_all(object->device, block, IEC61850_GENERAL, server->now_ns);
+			mark_all(&server->model, block, IEC61850_GENERAL, server->now_ns);
 		return 0;
 	case IEC61850_PURGE_BUF:
 		if (block->enabled)
@@ -362,6 +407,15 @@ static int write_switch(struct iec61850_server *server, const struct iec61850_ob
 	}
 }
 
+/* Of another client, or kept for one that is gone. */
+static bool is_of_another(const struct iec61850_server *server, const struct iec61850_block *block)
+{
+	if (block->owner != NULL)
+		return block->owner != server->client;
+	return block->reserved_ns > server->now_ns &&
+	       memcmp(&block->peer, &server->peer, sizeof(block->peer)) != 0;
+}
+
 int iec61850_block_write(struct iec61850_server *server, const struct iec61850_object *object,
 			 const struct ber_element *data)
 {
@@ -369,9 +423,11 @@ int iec61850_block_write(struct iec61850_server *server, const struct iec61850_o
 
 	if (block == NULL || object->node == NULL)
 		return IEC61850_ACCESS_DENIED;
-	if (block->owner != NULL && block->owner != server->client)
+	if (is_of_another(server, block))
 		return IEC61850_ACCESS_UNAVAILABLE;
 	block->owner = server->client;
+	block->peer = server->peer;
+	block->reserved_ns = 0;
 	if (block->reader != NULL)
 		block->reader->used = 1;
 	switch (object->node->leaf) {
@@ -387,26 +443,35 @@ int iec61850_block_write(struct iec61850_server *server, const struct iec61850_o
 	}
 }
 
-static uint32_t block_count(const struct iec61850_server *server)
-{
-	return server->model.device_count * IEC61850_BLOCKS;
-}
-
 void iec61850_blocks_release(struct iec61850_server *server, const void *client)
 {
-	for (uint32_t i = 0; i < block_count(server); i++) {
+	for (uint32_t i = 0; i < server->model.block_count; i++) {
 		struct iec61850_block *block = &server->model.blocks[i];
 
 		if (block->owner == client) {
 			block->owner = NULL;
 			block->enabled = block->reserved = false;
+			if (block->kept != NULL && block->kept->reserved_s > 0)
+				block->reserved_ns = server->now_ns + block->kept->reserved_s * NS_PER_S;
 		}
+	}
+}
+
+void iec61850_blocks_tick(struct iec61850_server *server)
+{
+	for (uint32_t i = 0; i < server->model.block_count; i++) {
+		struct iec61850_block *block = &server->model.blocks[i];
+
+		if (block->reserved_ns == 0 || block->reserved_ns > server->now_ns)
+			continue;
+		block->reserved_ns = 0;
+		block->kept->reserved_s = 0;
 	}
 }
 
 bool iec61850_blocks_owned(const struct iec61850_server *server, const void *client)
 {
-	for (uint32_t i = 0; i < block_count(server); i++)
+	for (uint32_t i = 0; i < server->model.block_count; i++)
 		if (server->model.blocks[i].owner == client)
 			return true;
 	return false;
@@ -415,21 +480,21 @@ bool iec61850_blocks_owned(const struct iec61850_server *server, const void *cli
 /* ---- reports ----------------------------------------------------------------------------- */
 
 /* Chooses the first members that are pending, limit at most. Returns how many; more: there are others. */
-static uint32_t choose(struct iec61850_server *server, const struct iec61850_device *device,
-		       const struct iec61850_block *block, uint32_t limit, bool *more)
+static uint32_t choose(struct iec61850_server *server, const struct iec61850_block *block, uint32_t limit,
+		       bool *more)
 {
-	struct iec61850_object object = iec61850_before_first(device, iec61850_set_of(device, block));
-	uint32_t count = 0, member = 0;
+	const uint32_t members = iec61850_set_of(&server->model, block)->count;
+	uint32_t count = 0;
 
 	*more = false;
-	for (; iec61850_next_member(&server->model, &object); member++) {
+	for (uint32_t member = 0; member < members; member++) {
 		if (block->reasons[member] == 0)
 			continue;
 		if (count == limit) {
 			*more = true;
 			break;
 		}
-		server->chosen[count++] = (struct iec61850_chosen){object.number, member};
+		server->chosen[count++] = member;
 	}
 	return count;
 }
@@ -452,20 +517,20 @@ static void put_members(struct iec61850_server *server, struct ber_writer *write
 			const struct iec61850_device *device, const struct iec61850_block *block,
 			uint32_t count)
 {
-	const enum iec61850_set set = iec61850_set_of(device, block);
-	const size_t octets = (device->members[set] + 7) / 8;
-	struct iec61850_object object = iec61850_before_first(device, set);
+	const struct iec61850_set *set = iec61850_set_of(&server->model, block);
+	const size_t octets = (set->count + 7) / 8;
 
 	for (uint32_t i = count; (block->options & IEC61850_REASON) && i-- > 0;)
-		iec61850_put_bits(writer, (uint16_t)(block->reasons[server->chosen[i].member] << 8), 6);
+		iec61850_put_bits(writer, (uint16_t)(block->reasons[server->chosen[i]] << 8), 6);
 	for (uint32_t i = count; i-- > 0 && !writer->full;) {
-		object.number = server->chosen[i].number;
-		put_member(server, writer, &object, block->reasons[server->chosen[i].member]);
+		const struct iec61850_object object = iec61850_member(&server->model, set, server->chosen[i]);
+
+		put_member(server, writer, &object, block->reasons[server->chosen[i]]);
 	}
 	for (uint32_t i = count; (block->options & IEC61850_REFERENCE) && i-- > 0 && !writer->full;) {
+		const struct iec61850_object object = iec61850_member(&server->model, set, server->chosen[i]);
 		char name[IEC61850_NAME_SIZE];
 
-		object.number = server->chosen[i].number;
 		iec61850_object_name(&server->model, &object, name);
 		iec61850_put_reference(writer, &server->model, device, name);
 	}
@@ -474,10 +539,9 @@ static void put_members(struct iec61850_server *server, struct ber_writer *write
 		return;
 	}
 	memset(server->names, 0, octets + 1);
-	server->names[0] = (uint8_t)(8 * octets - device->members[set]);
+	server->names[0] = (uint8_t)(8 * octets - set->count);
 	for (uint32_t i = 0; i < count; i++)
-		server->names[1 + server->chosen[i].member / 8] |=
-		    (uint8_t)(0x80 >> server->chosen[i].member % 8);
+		server->names[1 + server->chosen[i] / 8] |= (uint8_t)(0x80 >> server->chosen[i] % 8);
 	ber_put(writer, IEC61850_TAG_BIT_STRING, server->names, octets + 1);
 }
 
@@ -497,21 +561,23 @@ static void put_head(struct iec61850_server *server, struct ber_writer *writer,
 		     const struct iec61850_object *object, const struct iec61850_block *block, bool more)
 {
 	const struct iec61850_model *model = &server->model;
+	const struct iec61850_set *set = iec61850_set_of(model, block);
+	char name[IEC61850_NAME_SIZE];
 
 	if (block->options & IEC61850_SEGMENTATION) {
 		ber_put(writer, IEC61850_TAG_BOOLEAN, (const uint8_t[]){more}, 1);
 		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, block->segment);
 	}
 	if (block->options & IEC61850_CONF_REVISION)
-		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, iec61850_conf_rev(object->device, block));
+		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, set->revision);
 	if (block->options & IEC61850_ENTRY)
 		iec61850_put_entry_id(writer, model,
 				      server->entry != NULL ? server->entry->number : block->kept->next - 1);
 	if (block->options & IEC61850_OVERFLOW)
 		ber_put(writer, IEC61850_TAG_BOOLEAN, (const uint8_t[]){block->kept->overflow != 0}, 1);
+	iec61850_set_name(set, name);
 	if (block->options & IEC61850_SET_NAME)
-		iec61850_put_reference(writer, model, object->device,
-				       iec61850_set_name(iec61850_set_of(object->device, block)));
+		iec61850_put_reference(writer, model, object->device, name);
 	if (block->options & IEC61850_TIME_STAMP)
 		iec61850_put_binary_time(writer, time_of_report(server));
 	if (block->options & IEC61850_SEQUENCE)
@@ -542,7 +608,7 @@ static void put_report(struct iec61850_server *server, struct ber_writer *writer
 static void sent(struct iec61850_server *server, struct iec61850_block *block, uint32_t count, bool more)
 {
 	for (uint32_t i = 0; i < count; i++)
-		block->reasons[server->chosen[i].member] = 0;
+		block->reasons[server->chosen[i]] = 0;
 	if (block->kept != NULL)
 		block->kept->overflow = false;
 	block->due_ns = more ? server->now_ns : 0;
@@ -561,7 +627,7 @@ static bool put_block(struct iec61850_server *server, struct ber_writer *writer,
 	uint32_t limit = server->model.config->point_count, count;
 	bool more;
 
-	while ((count = choose(server, object->device, block, limit, &more)) > 0) {
+	while ((count = choose(server, block, limit, &more)) > 0) {
 		put_report(server, writer, object, block, count, more);
 		if (!writer->full) {
 			sent(server, block, count, more);
@@ -571,36 +637,34 @@ static bool put_block(struct iec61850_server *server, struct ber_writer *writer,
 		writer->full = false;
 		limit = count / 2;
 	}
-	enable(object->device, block, false, server->now_ns); /* not even one member fits */
+	enable(&server->model, block, false, server->now_ns); /* not even one member fits */
 	return false;
 }
 
-/* Whether an entry is a report of this block. */
-static bool tells(const struct iec61850_server *server, const struct iec61850_device *device,
-		  const struct iec61850_block *block, const struct map_history_entry *entry)
+/* The member of an entry that is a report of this block. IEC61850_NO_MEMBER: it is none. */
+static uint32_t member_told(const struct iec61850_server *server, const struct iec61850_block *block,
+			    const struct map_history_entry *entry)
 {
-	const struct iec61850_place *place = &server->model.places[entry->point];
-
-	return (entry->reason & block->triggers) != 0 && &server->model.devices[place->device] == device &&
-	       place->set == iec61850_set_of(device, block);
+	if (entry->point >= server->model.config->point_count || (entry->reason & block->triggers) == 0)
+		return IEC61850_NO_MEMBER;
+	return iec61850_member_of(&server->model, entry->point, block->set);
 }
 
 static bool put_one(struct iec61850_server *server, struct ber_writer *writer,
 		    const struct iec61850_object *object, struct iec61850_block *block,
-		    const struct map_history_entry *entry)
+		    const struct map_history_entry *entry, uint32_t member)
 {
-	const struct iec61850_place *place = &server->model.places[entry->point];
-	const uint8_t pending = block->reasons[place->member];
+	const uint8_t pending = block->reasons[member];
 
-	server->chosen[0] = (struct iec61850_chosen){place->number, place->member};
+	server->chosen[0] = member;
 	server->entry = entry;
-	block->reasons[place->member] = (uint8_t)(entry->reason & block->triggers);
+	block->reasons[member] = (uint8_t)(entry->reason & block->triggers);
 	put_report(server, writer, object, block, 1, false);
-	block->reasons[place->member] = pending;
+	block->reasons[member] = pending;
 	block->kept->told_ns = time_of_report(server);
 	server->entry = NULL;
 	if (writer->full) { /* not even one member fits */
-		enable(object->device, block, false, server->now_ns);
+		enable(&server->model, block, false, server->now_ns);
 		return false;
 	}
 	block->number++;
@@ -621,9 +685,11 @@ static bool put_kept(struct iec61850_server *server, struct ber_writer *writer,
 	while (kept->next != buffer->next) {
 		const struct map_history_entry *entry = iec61850_buffer_entry(buffer, kept->next);
 
-		if (entry != NULL && entry->point < server->model.config->point_count &&
-		    tells(server, object->device, block, entry)) {
-			if (!put_one(server, writer, object, block, entry))
+		const uint32_t member =
+		    entry == NULL ? IEC61850_NO_MEMBER : member_told(server, block, entry);
+
+		if (member != IEC61850_NO_MEMBER) {
+			if (!put_one(server, writer, object, block, entry, member))
 				return false;
 			kept->overflow = false;
 			kept->next++;
@@ -634,32 +700,38 @@ static bool put_kept(struct iec61850_server *server, struct ber_writer *writer,
 	return false;
 }
 
-static bool is_due(struct iec61850_server *server, const struct iec61850_device *device,
-		   struct iec61850_block *block)
+static bool is_due(struct iec61850_server *server, struct iec61850_block *block)
 {
-	if (!block->enabled || block->owner != server->client)
-		return false;
 	if (block->integrity_ms > 0 && (block->triggers & IEC61850_INTEGRITY) &&
 	    block->integrity_ns <= server->now_ns) {
 		block->integrity_ns = server->now_ns + block->integrity_ms * NS_PER_MS;
-		mark_all(device, block, IEC61850_INTEGRITY, server->now_ns);
+		mark_all(&server->model, block, IEC61850_INTEGRITY, server->now_ns);
 	}
 	return block->due_ns != 0 && block->due_ns <= server->now_ns;
 }
 
+/* The next report of a block of server->client. */
+static bool put_next(struct iec61850_server *server, struct ber_writer *writer,
+		     const struct iec61850_device *device, uint32_t number)
+{
+	const struct iec61850_object object = iec61850_block_object(device, number);
+	struct iec61850_block *block = &device->blocks[number];
+
+	/* What is kept comes before what is asked for now, which is newer. */
+	if (block->kept != NULL && put_kept(server, writer, &object, block))
+		return true;
+	return is_due(server, block) && put_block(server, writer, &object, block);
+}
+
 bool iec61850_report_put(struct iec61850_server *server, struct ber_writer *writer)
 {
-	for (uint32_t i = 0; i < block_count(server); i++) {
-		struct iec61850_block *block = &server->model.blocks[i];
-		const struct iec61850_device *device = &server->model.devices[i / IEC61850_BLOCKS];
-		const struct iec61850_object object = iec61850_block_object(device, i % IEC61850_BLOCKS);
+	for (uint32_t i = 0; i < server->model.device_count; i++) {
+		const struct iec61850_device *device = &server->model.devices[i];
 
-		/* What is kept comes before what is asked for now, which is newer. */
-		if (block->kept != NULL && block->enabled && block->owner == server->client &&
-		    put_kept(server, writer, &object, block))
-			return true;
-		if (is_due(server, device, block) && put_block(server, writer, &object, block))
-			return true;
+		for (uint32_t j = 0; j < device->block_count; j++)
+			if (device->blocks[j].enabled && device->blocks[j].owner == server->client &&
+			    put_next(server, writer, device, j))
+				return true;
 	}
 	return false;
 }
@@ -668,7 +740,7 @@ int64_t iec61850_report_due_ns(const struct iec61850_server *server)
 {
 	int64_t due_ns = INT64_MAX;
 
-	for (uint32_t i = 0; i < block_count(server); i++) {
+	for (uint32_t i = 0; i < server->model.block_count; i++) {
 		const struct iec61850_block *block = &server->model.blocks[i];
 
 		if (!block->enabled)

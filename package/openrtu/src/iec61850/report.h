@@ -13,6 +13,8 @@ int iec61850_block_write(struct iec61850_server *server, const struct iec61850_o
 			 const struct ber_element *data);
 /* A client is gone: its blocks are free. */
 void iec61850_blocks_release(struct iec61850_server *server, const void *client);
+/* Ends reservations whose time is over: each second or so. */
+void iec61850_blocks_tick(struct iec61850_server *server);
 bool iec61850_blocks_owned(const struct iec61850_server *server, const void *client);
 /*
  * At the start: what a former process of the module has kept in section goes on, from the place in cursor, which is set then. Without

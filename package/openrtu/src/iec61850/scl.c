@@ -187,13 +187,14 @@ static void put_member(const struct iec61850_scl *scl, const struct iec61850_obj
 	fprintf(scl->out, " fc=\"%s\"/>\n", iec61850_fc_name(object->fc));
 }
 
-static void put_set(const struct iec61850_scl *scl, const struct iec61850_device *device, unsigned set)
+static void put_set(const struct iec61850_scl *scl, const struct iec61850_set *set)
 {
-	struct iec61850_object object = iec61850_before_first(device, (enum iec61850_set)set);
+	line(scl, 6, "<DataSet name=\"%s\">", set->name);
+	for (uint32_t i = 0; i < set->count; i++) {
+		const struct iec61850_object object = iec61850_member(scl->model, set, i);
 
-	line(scl, 6, "<DataSet name=\"%s\">", strchr(iec61850_set_name((enum iec61850_set)set), '$') + 1);
-	while (iec61850_next_member(scl->model, &object))
 		put_member(scl, &object, NULL);
+	}
 	line(scl, 6, "</DataSet>");
 }
 
@@ -231,29 +232,51 @@ static void put_goose_block(const struct iec61850_scl *scl, const struct iec6185
 	     goose->name, goose->set, goose->conf_rev, escaped(goose->id, id));
 }
 
-/* The control blocks of one data set, buffered or not, are one that is indexed. What clients may set is as it is at first. */
-static void put_report(const struct iec61850_scl *scl, const struct iec61850_device *device, unsigned block)
+/* How many control blocks are this one with another index. */
+static unsigned instances(const struct iec61850_device *device, const struct iec61850_block *first)
 {
-	const struct iec61850_object object = iec61850_block_object(device, block);
-	const struct iec61850_block *first = &device->blocks[block];
-	const enum iec61850_set set = iec61850_set_of(device, first);
-	const bool buffered = object.fc == IEC61850_BR;
-	char name[IEC61850_NAME_SIZE];
+	unsigned count = 1;
 
-	if (inside_of(scl, &object, object.fc).count == 0)
-		return;
-	do_name(scl, &object, name);
-	name[strlen(name) - 2] = '\0'; /* 01 */
-	line(scl, 6,
-	     "<ReportControl name=\"%s\" datSet=\"%s\" confRev=\"%u\" buffered=\"%s\" bufTime=\"0\" "
-	     "intgPd=\"0\" "
-	     "indexed=\"true\">",
-	     name, strchr(iec61850_set_name(set), '$') + 1, iec61850_conf_rev(device, first), yes(buffered));
-	line(scl, 7, "<TrgOps dchg=\"%s\" qchg=\"%s\" gi=\"false\"/>", yes(buffered), yes(buffered));
+	while (first + count < device->blocks + device->block_count && first[count].index == count + 1)
+		count++;
+	return count;
+}
+
+static const char *has(const struct iec61850_block *block, enum iec61850_option option)
+{
+	return yes((block->options & option) != 0);
+}
+
+static const char *triggers_on(const struct iec61850_block *block, enum iec61850_trigger trigger)
+{
+	return yes((block->triggers & trigger) != 0);
+}
+
+/* Control blocks that differ by their index are one here. What clients may set is as it is at first. */
+static void put_report(const struct iec61850_scl *scl, const struct iec61850_device *device, uint32_t number)
+{
+	const struct iec61850_block *block = &device->blocks[number];
+	const struct iec61850_set *set = iec61850_set_of(scl->model, block);
+	char id[TEXT_SIZE];
+
+	fprintf(scl->out, "%*s<ReportControl name=\"%s\"", 12, "", block->name);
+	if (block->id[0] != '\0')
+		fprintf(scl->out, " rptID=\"%s\"", escaped(block->id, id));
+	fprintf(scl->out,
+		" datSet=\"%s\" confRev=\"%u\" buffered=\"%s\" bufTime=\"%u\" intgPd=\"%u\" "
+		"indexed=\"true\">\n",
+		set->name, set->revision, yes(block->buffered), block->buffer_ms, block->integrity_ms);
+	line(scl, 7, "<TrgOps dchg=\"%s\" qchg=\"%s\" dupd=\"%s\" period=\"%s\" gi=\"%s\"/>",
+	     triggers_on(block, IEC61850_DATA_CHANGE), triggers_on(block, IEC61850_QUALITY_CHANGE),
+	     triggers_on(block, IEC61850_DATA_UPDATE), triggers_on(block, IEC61850_INTEGRITY),
+	     triggers_on(block, IEC61850_GENERAL));
 	line(scl, 7,
-	     "<OptFields seqNum=\"%s\" timeStamp=\"%s\" reasonCode=\"%s\" entryID=\"%s\" bufOvfl=\"%s\"/>",
-	     yes(buffered), yes(buffered), yes(buffered), yes(buffered), yes(buffered));
-	line(scl, 7, "<RptEnabled max=\"%u\"/>", IEC61850_BLOCKS_A_SET);
+	     "<OptFields seqNum=\"%s\" timeStamp=\"%s\" dataSet=\"%s\" reasonCode=\"%s\" dataRef=\"%s\" "
+	     "entryID=\"%s\" configRef=\"%s\" bufOvfl=\"%s\"/>",
+	     has(block, IEC61850_SEQUENCE), has(block, IEC61850_TIME_STAMP), has(block, IEC61850_SET_NAME),
+	     has(block, IEC61850_REASON), has(block, IEC61850_REFERENCE), has(block, IEC61850_ENTRY),
+	     has(block, IEC61850_CONF_REVISION), has(block, IEC61850_OVERFLOW));
+	line(scl, 7, "<RptEnabled max=\"%u\"/>", instances(device, block));
 	line(scl, 6, "</ReportControl>");
 }
 
@@ -359,14 +382,14 @@ static void put_ln(const struct iec61850_scl *scl, const struct iec61850_device 
 	fprintf(scl->out, " lnClass=\"%s\" inst=\"%s\" lnType=\"", ln.class, ln.instance);
 	put_ln_type_name(scl, &object);
 	fputs("\">\n", scl->out);
-	for (unsigned set = 0; number == IEC61850_LLN0 && set < IEC61850_SETS; set++)
-		if (device->members[set] > 0)
-			put_set(scl, device, set);
+	for (uint32_t i = 0; number == IEC61850_LLN0 && i < device->set_count; i++)
+		put_set(scl, &scl->model->sets[device->first_set + i]);
 	for (uint32_t i = 0; number == IEC61850_LLN0 && i < scl->goose_count; i++)
 		if (scl->goose[i].device == device)
 			put_goose_set(scl, &scl->goose[i]);
-	for (unsigned i = 0; number == IEC61850_LLN0 && i < IEC61850_BLOCKS; i += IEC61850_BLOCKS_A_SET)
-		put_report(scl, device, i);
+	for (uint32_t i = 0; number == IEC61850_LLN0 && i < device->block_count; i++)
+		if (device->blocks[i].index == 1)
+			put_report(scl, device, i);
 	for (; is_object(&object); object.number++)
 		put_instance(scl, &object);
 	for (uint32_t i = 0; number == IEC61850_LLN0 && i < scl->goose_count; i++)
@@ -400,11 +423,11 @@ static void put_ied(const struct iec61850_scl *scl)
 	line(scl, 3, "<GetDataSetValue/>");
 	line(scl, 3, "<DataSetDirectory/>");
 	line(scl, 3, "<ReadWrite/>");
-	line(scl, 3, "<ConfReportControl max=\"%u\"/>", IEC61850_BLOCKS * scl->model->device_count);
+	line(scl, 3, "<ConfReportControl max=\"%u\"/>", scl->model->block_count);
 	line(scl, 3, "<GetCBValues/>");
 	line(scl, 3,
 	     "<ReportSettings cbName=\"Fix\" datSet=\"Fix\" rptID=\"Dyn\" optFields=\"Dyn\" bufTime=\"Dyn\" "
-	     "trgOps=\"Dyn\" intgPd=\"Dyn\"/>");
+	     "trgOps=\"Dyn\" intgPd=\"Dyn\" resvTms=\"true\" owner=\"true\"/>");
 	if (scl->goose_count > 0)
 		line(scl, 3, "<GOOSE max=\"%u\"/>", scl->goose_count);
 	line(scl, 2, "</Services>");

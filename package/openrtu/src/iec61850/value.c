@@ -239,11 +239,23 @@ static enum iec61850_ctl_kind control_model(const struct iec61850_model *model,
 	return point == MAP_NONE ? IEC61850_STATUS_ONLY : iec61850_ctl_model(model, point);
 }
 
+/* The address of the client that has the block, or for which it is kept: 4 octets or 16; nobody: none (7-2, 17.2.2.16). */
+static void put_owner(struct ber_writer *writer, const struct iec61850_block *block)
+{
+	static const uint8_t mapped[] = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xff, 0xff};
+	const uint8_t *octets = block->peer.octets;
+	size_t skipped = memcmp(octets, mapped, sizeof(mapped)) == 0 ? sizeof(mapped) : 0;
+
+	if (block->owner == NULL && block->reserved_ns == 0)
+		skipped = sizeof(block->peer.octets);
+	ber_put(writer, IEC61850_TAG_OCTET_STRING, octets + skipped, sizeof(block->peer.octets) - skipped);
+}
+
 static void put_node(struct ber_writer *writer, const struct iec61850_model *model,
 		     const struct iec61850_node *node, const struct state *state)
 {
 	const size_t end = writer->at;
-	char number[11];
+	char number[11], name[IEC61850_NAME_SIZE];
 
 	switch (node->leaf) {
 	case IEC61850_STRUCTURE:
@@ -323,9 +335,8 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		iec61850_put_block_id(writer, model, state->object, state->block);
 		return;
 	case IEC61850_DAT_SET:
-		iec61850_put_reference(
-		    writer, model, state->object->device,
-		    iec61850_set_name(iec61850_set_of(state->object->device, state->block)));
+		iec61850_set_name(iec61850_set_of(model, state->block), name);
+		iec61850_put_reference(writer, model, state->object->device, name);
 		return;
 	case IEC61850_RPT_ENA:
 		ber_put(writer, IEC61850_TAG_BOOLEAN, (const uint8_t[]){state->block->enabled}, 1);
@@ -339,7 +350,7 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		return;
 	case IEC61850_CONF_REV:
 		ber_put_integer(writer, IEC61850_TAG_UNSIGNED,
-				iec61850_conf_rev(state->object->device, state->block));
+				iec61850_set_of(model, state->block)->revision);
 		return;
 	case IEC61850_OPT_FLDS:
 		iec61850_put_bits(writer, state->block->options, 10);
@@ -364,6 +375,12 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		return;
 	case IEC61850_TIME_OF_ENTRY:
 		iec61850_put_binary_time(writer, state->block->kept->told_ns);
+		return;
+	case IEC61850_RESV_TMS:
+		ber_put_integer(writer, IEC61850_TAG_INTEGER, state->block->kept->reserved_s);
+		return;
+	case IEC61850_OWNER:
+		put_owner(writer, state->block);
 		return;
 	}
 }
@@ -519,6 +536,7 @@ static void put_node_type(struct ber_writer *writer, const struct iec61850_node 
 		ber_put_integer(writer, IEC61850_TAG_VISIBLE_STRING, -TEXT_MAX);
 		return;
 	case IEC61850_OR_IDENT:
+	case IEC61850_OWNER:
 		ber_put_integer(writer, IEC61850_TAG_OCTET_STRING, -IEC61850_OR_IDENT_SIZE);
 		return;
 	case IEC61850_CTL_NUM:
@@ -547,6 +565,9 @@ static void put_node_type(struct ber_writer *writer, const struct iec61850_node 
 		return;
 	case IEC61850_LONG_SQ_NUM:
 		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, 16);
+		return;
+	case IEC61850_RESV_TMS:
+		ber_put_integer(writer, IEC61850_TAG_INTEGER, 16);
 		return;
 	case IEC61850_ENTRY_ID:
 		ber_put_integer(writer, IEC61850_TAG_OCTET_STRING, IEC61850_ENTRY_ID_OCTETS);

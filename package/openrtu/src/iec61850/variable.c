@@ -29,18 +29,13 @@ bool iec61850_variable(const struct iec61850_server *server, const struct ber_el
 	       iec61850_find(&server->model, device, item.value, item.size, out);
 }
 
-bool iec61850_variable_list(const struct iec61850_server *server, const struct ber_element *name,
-			    struct iec61850_object *behind_last)
+const struct iec61850_set *iec61850_variable_list(const struct iec61850_server *server,
+						  const struct ber_element *name)
 {
 	const struct iec61850_device *device;
-	enum iec61850_set set;
 	struct ber_element item;
 
-	if (!split(server, name, &device, &item))
-		return false;
-	set = iec61850_find_set(device, item.value, item.size);
-	if (set == IEC61850_SETS)
-		return false;
-	*behind_last = iec61850_behind_last(device, set);
-	return true;
+	return split(server, name, &device, &item)
+		   ? iec61850_find_set(&server->model, device, item.value, item.size)
+		   : NULL;
 }

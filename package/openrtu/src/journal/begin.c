@@ -84,6 +84,11 @@ static void report(struct map *map, const struct map_kept *kept, const struct jo
 			"%u retained points of the journal are no longer configured as retained, or have "
 			"another type",
 			findings->dropped);
+	if (findings->dropped_values != 0)
+		map_log(
+		    map, MAP_LOG_WARNING,
+		    "%u retained values of the journal belong to no variable of the programs as they are now",
+		    findings->dropped_values);
 	map_log(map, MAP_LOG_INFO, "%u events restored from the journal", kept->event_count);
 	if (kept->history.start != 0)
 		map_log(map, MAP_LOG_INFO, "%u changes for buffered reports restored from the journal",
@@ -91,6 +96,9 @@ static void report(struct map *map, const struct map_kept *kept, const struct jo
 	if (kept->sample_count != 0)
 		map_log(map, MAP_LOG_INFO, "%u retained points restored from the journal, as not topical",
 			kept->sample_count);
+	if (kept->value_count != 0)
+		map_log(map, MAP_LOG_INFO, "%u retained values of programs restored from the journal",
+			kept->value_count);
 }
 
 static void restore(struct map *map, const uint8_t *bytes, size_t size)

@@ -77,23 +77,26 @@ static void read_part(struct config_loader *loader, void *own, const struct conf
 		read_settings(loader, &place, values->json);
 }
 
-/* Each record has all retained points, and at least a quarter of it is for events. */
+/* Each record has all retained points and values, and at least a quarter of it is for events. */
 static bool check_room(struct config_loader *loader, void *own)
 {
 	const struct config_place file = {.in = NULL};
 	const struct config_place place = config_key_of(&file, file_rule.name);
 	const struct journal_settings *journal = journal_settings(loader->config);
+	const uint32_t values = map_record_count(loader->config, MAP_RETAINED);
 	uint32_t points = 0;
 
 	(void)own;
 	for (uint32_t i = 0; i < loader->config->point_count; i++)
 		points += (loader->config->points[i].flags & MAP_POINT_RETAIN) != 0;
-	if (journal != NULL && points != 0 &&
-	    JOURNAL_QUEUES_SIZE + points * JOURNAL_EVENT_SIZE > journal_record_max(journal) / 4 * 3)
-		config_error(&loader->report, &place,
-			     "has no room for %u retained points in a record of size_kb / 4: increase "
-			     "size_kb, or retain fewer",
-			     points);
+	if (journal != NULL && points + values != 0 &&
+	    JOURNAL_QUEUES_SIZE + (points + values) * JOURNAL_EVENT_SIZE >
+		journal_record_max(journal) / 4 * 3)
+		config_error(
+		    &loader->report, &place,
+		    "has no room for %u retained points and %u retained values of programs in a record "
+		    "of size_kb / 4: increase size_kb, or retain fewer",
+		    points, values);
 	return true;
 }
 

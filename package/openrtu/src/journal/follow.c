@@ -155,7 +155,7 @@ static void add_events(struct journal_follower *follower, struct map_cursor *cur
 	}
 }
 
-/* ---- retained points --------------------------------------------------------------------- */
+/* ---- retained points and values ---------------------------------------------------------- */
 
 /* One that was never written says nothing; nor does one whose writer overtakes every try to read it, as only a wild one does. */
 static void keep_point(struct journal_follower *follower, uint32_t point, struct map_clock clock)
@@ -177,6 +177,42 @@ static void keep_points(struct journal_follower *follower, struct map_clock cloc
 	for (uint32_t i = 0; i < config->point_count; i++)
 		if (config->points[i].flags & MAP_POINT_RETAIN)
 			keep_point(follower, i, clock);
+}
+
+static void add_values(struct journal_builder *record, const struct map_retained_name *names, uint32_t count,
+		       const struct map_retained_value *values)
+{
+	for (uint32_t i = 0; i < count; i++)
+		if (values[i].quality & MAP_RETAINED_KNOWN)
+			journal_keep_value(record, names[i], values[i]);
+}
+
+/* Of one moment. What cannot be read so is not kept: its writer overtakes every try, as only a wild one does. */
+static void keep_values_of(struct journal_follower *follower, uint32_t module,
+			   const struct map_retained_name *names)
+{
+	const struct map_retained_plan *plan;
+	struct map_retained *retained = map_retained(follower->map, module, &plan);
+	const struct journal_builder before = follower->record;
+
+	for (int tries = 0; retained != NULL && tries < LATCH_TRIES; tries++) {
+		const uint32_t sequence = latch_read_begin(&retained->latch);
+
+		add_values(&follower->record, names + plan->first, plan->names,
+			   retained->values + (sequence & 1) * plan->values);
+		if (latch_read_done(&retained->latch, sequence))
+			return;
+		follower->record = before;
+	}
+}
+
+static void keep_values(struct journal_follower *follower)
+{
+	const struct map_retained_name *names =
+	    map_records(map_config(follower->map), MAP_RETAINED, sizeof(*names));
+
+	for (uint32_t i = 0; names != NULL && i < map_module_count(follower->map); i++)
+		keep_values_of(follower, i, names);
 }
 
 /* ---- the history ------------------------------------------------------------------------- */
@@ -317,6 +353,7 @@ bool journal_make(struct journal_follower *follower, bool anew)
 	follower->left_out = 0;
 	journal_begin(&follower->record, now->number, modules, now->queues, now->queue_count);
 	keep_points(follower, clock);
+	keep_values(follower);
 	now->said = follower->record.said;
 	if (read)
 		add_history(follower, &history, first, clock);

@@ -8,14 +8,15 @@
 
 #include "journal/record.h"
 
-/* The content of a file: the queues, the retained points, and all events before heads that a queue wants. */
+/* The content of a file: the queues, the retained points and values, and all events before heads that a queue wants. */
 struct journal_content {
 	uint32_t heads[MAP_MODULES_MAX];
 	struct journal_queue queues[MAP_QUEUES];
 	uint32_t queue_count;
 	struct map_clock clock; /* by which its first record's times are wall times */
 	uint32_t number;        /* of the next record */
-	uint32_t said;  /* what the retained points and the readers of the history are: journal_builder */
+	uint32_t
+	    said; /* what the retained points and values, and the readers of the history, are: journal_builder */
 	uint32_t start; /* of the history; 0: nothing of one is in the file */
 	uint32_t entry; /* the number of the entry to be written next */
 };

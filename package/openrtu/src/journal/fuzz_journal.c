@@ -12,6 +12,7 @@
 #include "fuzz_input.h"
 #include "journal/record.h"
 #include "journal/restore.h"
+#include "map/retained.h"
 #include "map/test_modules.h"
 
 #define POINTS   4
@@ -22,6 +23,10 @@
 #define READERS 3
 #define ENTRIES 8
 
+/* Of the first line's module. */
+#define VALUES 3
+
+static struct map_retained_name names[VALUES] = {{0, 0}, {1, 0}, {1, 1}};
 static char directory[] = "/dev/shm/fuzz_journal.XXXXXX";
 static struct map *map;
 
@@ -51,6 +56,9 @@ static void make_map(void)
 	plan_modules(&config, modules, NULL);
 	modules[KEEPER].section_size = (uint32_t)map_history_size(READERS, ENTRIES);
 	modules[KEEPER].history = (struct map_history_plan){.readers = READERS, .entries = ENTRIES};
+	map_add_section(&config, MAP_RETAINED, sizeof(names[0]), VALUES, names);
+	modules[set.module].section_size = (uint32_t)map_retained_size(VALUES);
+	modules[set.module].retained = (struct map_retained_plan){.values = VALUES, .names = VALUES};
 	CHECK(map_create(&map, directory, &config, 0, error) == 0);
 	atexit(remove_map);
 }
@@ -113,6 +121,13 @@ static void check_samples(const struct map_kept *kept, size_t size)
 	}
 }
 
+static void check_values(const struct map_kept *kept, size_t size)
+{
+	CHECK(kept->value_count <= size / JOURNAL_EVENT_SIZE);
+	for (uint32_t i = 0; i < kept->value_count; i++)
+		CHECK(kept->values[i].name < VALUES);
+}
+
 static void check_queues(void)
 {
 	for (uint32_t slot = 0; slot < MAP_QUEUES; slot++) {
@@ -161,6 +176,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	check_kept(&kept, &findings, file_size);
 	CHECK(map_restore(map, &kept, error) == 0);
 	check_samples(&kept, file_size);
+	check_values(&kept, file_size);
 	check_history(&kept.history, file_size);
 	check_queues();
 	journal_forget(&kept);

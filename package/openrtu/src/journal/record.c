@@ -114,6 +114,24 @@ bool journal_keep(struct journal_builder *builder, const struct journal_event *p
 	return true;
 }
 
+bool journal_keep_value(struct journal_builder *builder, struct map_retained_name name,
+			struct map_retained_value value)
+{
+	const uint8_t *at = builder->bytes + builder->used;
+	const struct journal_event entry = {.ioa = name.low,
+					    .number = name.high,
+					    .value = value.low,
+					    .quality = (uint8_t)value.quality,
+					    .cause = JOURNAL_VALUE,
+					    .wall_ns = value.high};
+
+	if (!journal_add(builder, &entry))
+		return false;
+	builder->states++;
+	builder->said = crc_add(builder->said, at, JOURNAL_EVENT_SIZE);
+	return true;
+}
+
 bool journal_place(struct journal_builder *builder, uint32_t start, uint32_t revision, uint32_t next)
 {
 	const struct journal_event place = {

@@ -17,6 +17,9 @@
  * number with which the entries go on that follow, JOURNAL_ENTRY with the reason as module; and in each record after them the same of the entries
  * to come, and what is known of its readers, JOURNAL_READER, so many octets at a time: in IOA, value and nanoseconds.
  *
+ * And what modules retain besides points (map/retained.h): JOURNAL_VALUE, with the name in IOA and number, the value, its upper half in
+ * place of the nanoseconds.
+ *
  * A point is what it is to a controlling station, CA, IOA and type: a changed configuration keeps what is still there.
  */
 #ifndef OPENRTU_JOURNAL_RECORD_H
@@ -27,6 +30,7 @@
 #include <stdint.h>
 
 #include "map/history.h"
+#include "map/retained.h"
 #include "map/station.h"
 
 #define JOURNAL_FILE         "events"     /* in the journal's folder */
@@ -40,6 +44,7 @@
 #define JOURNAL_READER       0x82u
 #define JOURNAL_READER_PART  16u
 #define JOURNAL_ENTRY        0x83u
+#define JOURNAL_VALUE        0x84u
 /* Of a record without events; less than a quarter of the smallest file. */
 #define JOURNAL_QUEUES_SIZE                                                                                  \
 	(JOURNAL_HEAD_SIZE + JOURNAL_RECORD_LEAST +                                                          \
@@ -70,7 +75,7 @@ struct journal_event {
 struct journal_builder {
 	uint8_t *bytes;
 	size_t size, used;
-	uint32_t events, states; /* states: of these, what retained points and readers were */
+	uint32_t events, states; /* states: of these, what retained points and values, and readers, were */
 	uint32_t said;           /* a CRC of these, without times of points */
 };
 
@@ -80,6 +85,9 @@ void journal_begin(struct journal_builder *builder, uint32_t number, uint32_t mo
 bool journal_add(struct journal_builder *builder, const struct journal_event *event);
 /* What a retained point was; number and cause are not looked at. Before all events. False: as above. */
 bool journal_keep(struct journal_builder *builder, const struct journal_event *point);
+/* A value that a module retains; the same. */
+bool journal_keep_value(struct journal_builder *builder, struct map_retained_name name,
+			struct map_retained_value value);
 /* A place of the history that the journal has reached; false: as above. */
 bool journal_place(struct journal_builder *builder, uint32_t start, uint32_t revision, uint32_t next);
 /* What is known of a reader of the history, in as few pieces as hold it; false: there is no room for all. */

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "journal/record.h"
+#include "map/retained.h"
 #include "map/time_ns.h"
 #include "map/type.h"
 
@@ -191,6 +192,7 @@ void journal_forget(struct map_kept *kept)
 {
 	free(kept->events);
 	free(kept->samples);
+	free(kept->values);
 	free(kept->history.entries);
 	free(kept->history.readers);
 }
@@ -275,6 +277,52 @@ static bool take_points(const struct map *map, const struct journal_record *reco
 	return true;
 }
 
+/* ---- retained values --------------------------------------------------------------------- */
+
+/* From guess on, since they are in the same order unless the configuration has changed. MAP_NONE: there is none. */
+static uint32_t find_name(const struct map_retained_name *names, uint32_t count, uint32_t guess,
+			  const struct journal_event *value)
+{
+	for (uint32_t i = 0; i < count; i++) {
+		const uint32_t name = (guess + i) % count;
+
+		if (names[name].low == value->ioa && names[name].high == value->number)
+			return name;
+	}
+	return MAP_NONE;
+}
+
+/* As the last record has them. */
+static bool take_values(const struct map *map, const struct journal_record *record, struct map_kept *kept,
+			struct journal_findings *findings)
+{
+	const struct map_retained_name *names = map_records(map_config(map), MAP_RETAINED, sizeof(*names));
+	const uint32_t count = names == NULL ? 0 : map_record_count(map_config(map), MAP_RETAINED);
+	uint32_t guess = 0;
+
+	kept->values = calloc(record->event_count + 1u, sizeof(*kept->values));
+	if (kept->values == NULL)
+		return false;
+	for (uint32_t i = 0; i < record->event_count; i++) {
+		const struct journal_event value = journal_event(record, i);
+		uint32_t name;
+
+		if (value.cause != JOURNAL_VALUE)
+			continue;
+		name = find_name(names, count, guess, &value);
+		if (name == MAP_NONE) {
+			findings->dropped_values++;
+			continue;
+		}
+		kept->values[kept->value_count++] = (struct map_kept_value){.name = name,
+									    .low = value.value,
+									    .high = (uint32_t)value.wall_ns,
+									    .quality = value.quality};
+		guess = name + 1;
+	}
+	return true;
+}
+
 /* ---- the file ---------------------------------------------------------------------------- */
 
 /* How many events the whole records have; the last of these. */
@@ -308,6 +356,7 @@ bool journal_restore(const struct map *map, const uint8_t *bytes, size_t size, s
 	events = count_events(bytes, size, findings, &record);
 	kept->events = calloc(events + 1u, sizeof(*kept->events));
 	if (kept->events == NULL || !take_points(map, &record, kept, findings) ||
+	    !take_values(map, &record, kept, findings) ||
 	    !take_history(map, bytes, size, events, &kept->history, findings))
 		return false;
 	take_queues(map, &record, &readers, kept); /* as the last record has them */

@@ -8,6 +8,7 @@
 
 #include "journal/follow.h"
 #include "journal/restore.h"
+#include "map/retained.h"
 
 #define STATION  "rtu-iec104"
 #define CENTRE   0                          /* the group's queue */
@@ -746,6 +747,138 @@ static void test_retained_points_that_lie(void **state)
 	end(&scene);
 }
 
+/* ---- retained values --------------------------------------------------------------------- */
+
+#define VALUES 4 /* of the first line; the last one has no name: it does not outlive the power */
+#define NAMED  3
+
+static struct map_retained_name names[NAMED] = {{1, 10}, {1, 11}, {2, 10}};
+
+static void begin_values(struct scene *scene, void **state)
+{
+	struct stage *stage = *state;
+
+	names[1] = (struct map_retained_name){1, 11};
+	map_add_section(&stage->config, MAP_RETAINED, sizeof(names[0]), NAMED, names);
+	stage->retained = (struct map_retained_plan){.at = 16, .values = VALUES, .names = NAMED};
+	begin(scene, state);
+}
+
+/* As its module does in each scan. */
+static void retain(struct scene *scene, uint32_t low, uint32_t high, uint8_t quality)
+{
+	const struct map_retained_plan *plan;
+	struct map_retained *retained = map_retained(scene->first, map_self(scene->first), &plan);
+	struct map_retained_value *values = map_retained_other(retained, plan->values);
+
+	for (uint32_t i = 0; i < VALUES; i++)
+		values[i] =
+		    (struct map_retained_value){low + i, high, quality | (uint32_t)MAP_RETAINED_KNOWN};
+	latch_flip(&retained->latch);
+}
+
+static void assert_value(const struct scene *scene, uint32_t number, struct map_retained_value wanted)
+{
+	const struct map_retained_plan *plan;
+	struct map_retained *retained = map_retained(scene->first, map_self(scene->first), &plan);
+	const struct map_retained_value *value = &map_retained_whole(retained, plan->values)[number];
+
+	assert_int_equal(value->low, wanted.low);
+	assert_int_equal(value->high, wanted.high);
+	assert_int_equal(value->quality, wanted.quality);
+}
+
+static void assert_retained(const struct scene *scene, uint32_t low, uint32_t high, uint8_t quality)
+{
+	for (uint32_t i = 0; i < NAMED; i++)
+		assert_value(
+		    scene, i,
+		    (struct map_retained_value){low + i, high, quality | (uint32_t)MAP_RETAINED_KNOWN});
+	assert_value(scene, NAMED, (struct map_retained_value){0, 0, 0});
+}
+
+static void test_retained_values_outlive_the_power(void **state)
+{
+	struct scene scene;
+
+	begin_values(&scene, state);
+	assert_true(write_news(&scene)); /* that there are queues; of the values nothing is known yet */
+	assert_int_equal(scene.follower.record.states, 0);
+	retain(&scene, 7, UINT32_MAX, MAP_INVALID);
+	assert_true(write_news(&scene));
+	retain(&scene, 7, UINT32_MAX, MAP_INVALID);
+	assert_false(write_news(&scene)); /* the same again is worth no record */
+	cut_power(&scene);
+	assert_retained(&scene, 7, UINT32_MAX, MAP_INVALID);
+	assert_true(write_news(&scene)); /* before the module has said them again */
+	cut_power(&scene);
+	assert_retained(&scene, 7, UINT32_MAX, MAP_INVALID);
+	retain(&scene, 7, 1, MAP_INVALID);
+	assert_true(write_news(&scene));
+	retain(&scene, 7, 1, MAP_GOOD);
+	assert_true(write_news(&scene));
+	cut_power(&scene);
+	assert_retained(&scene, 7, 1, MAP_GOOD);
+	end(&scene);
+}
+
+/* What has another name now is another value, and another order means nothing. */
+static void test_values_go_by_their_names(void **state)
+{
+	static const struct map_retained_name other = {9, 9};
+	struct journal_findings findings;
+	struct scene scene;
+
+	begin_values(&scene, state);
+	retain(&scene, 20, 0, MAP_GOOD);
+	assert_true(write_news(&scene));
+	names[1] = other;
+	findings = cut_power(&scene);
+	assert_int_equal(findings.dropped_values, 1);
+	assert_value(&scene, 0, (struct map_retained_value){20, 0, MAP_RETAINED_KNOWN});
+	assert_value(&scene, 1, (struct map_retained_value){0, 0, 0});
+	assert_value(&scene, 2, (struct map_retained_value){22, 0, MAP_RETAINED_KNOWN});
+	names[1] = names[0];
+	names[0] = (struct map_retained_name){1, 11};
+	cut_power(&scene);
+	assert_value(&scene, 0, (struct map_retained_value){21, 0, MAP_RETAINED_KNOWN});
+	assert_value(&scene, 1, (struct map_retained_value){20, 0, MAP_RETAINED_KNOWN});
+	names[0] = (struct map_retained_name){1, 10};
+	end(&scene);
+}
+
+static unsigned values_said(const struct scene *scene, size_t size)
+{
+	struct journal_findings findings;
+	struct map_kept kept;
+	unsigned count;
+
+	assert_true(journal_restore(scene->stage->rtud, scene->file, size, &kept, &findings));
+	count = kept.value_count;
+	journal_forget(&kept);
+	return count;
+}
+
+/* All of a record's values or none. */
+static void test_retained_values_in_a_torn_file(void **state)
+{
+	struct scene scene;
+	size_t whole;
+
+	begin_values(&scene, state);
+	retain(&scene, 1, 0, MAP_GOOD);
+	assert_true(write_news(&scene));
+	whole = scene.size;
+	for (size_t size = 0; size <= whole; size++)
+		assert_int_equal(values_said(&scene, size), size == whole ? NAMED : 0);
+	for (size_t i = 0; i < whole; i++) {
+		scene.file[i] ^= 1;
+		assert_int_equal(values_said(&scene, whole), 0);
+		scene.file[i] ^= 1;
+	}
+	end(&scene);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -772,6 +905,9 @@ int main(void)
 	    TEST(test_a_changed_configuration_keeps_what_is_the_same),
 	    TEST(test_a_retained_point_in_a_torn_file),
 	    TEST(test_retained_points_that_lie),
+	    TEST(test_retained_values_outlive_the_power),
+	    TEST(test_values_go_by_their_names),
+	    TEST(test_retained_values_in_a_torn_file),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

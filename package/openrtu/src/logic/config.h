@@ -25,6 +25,7 @@ struct logic_instance {
 	uint32_t memory;               /* octets of its machine */
 	uint32_t first_link;           /* of as many as the program has points, in their order */
 	uint32_t retained, set_points; /* slots; own points that the program does not write */
+	uint32_t first_retained;       /* the name of the first slot, in MAP_RETAINED */
 	uint32_t commands;             /* COMMANDs */
 };
 

@@ -155,7 +155,7 @@ static bool finish(struct config_loader *loader, void *own)
 
 	for (uint32_t i = 0; loader->report.errors == 0 && i < readings->count; i++)
 		logic_add_set(loader, &readings->readings[i]);
-	return true;
+	return loader->report.errors > 0 || logic_name_retained(loader, readings);
 }
 
 static bool link_programs(struct config_loader *loader, void *own)

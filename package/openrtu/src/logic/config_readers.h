@@ -57,6 +57,11 @@ bool logic_decides(const struct logic *logic, const char *name);
 /* Reads and verifies the file of "program". False: it was reported why not. */
 bool logic_read_program(struct config_loader *loader, struct logic_reading *reading, const char *path);
 
+/* ---- config_retained.c ------------------------------------------------------------------- */
+
+/* Names the retained values of all programs, for the journal. False: no memory. */
+bool logic_name_retained(struct config_loader *loader, struct logic_readings *readings);
+
 /* ---- config_own.c ------------------------------------------------------------------------ */
 
 /* Reads the array "points". */

@@ -302,7 +302,7 @@ static const char *check_tables(const struct logic *logic)
 	return NULL;
 }
 
-static bool initial_fits(uint8_t type, union logic_cell value)
+bool logic_holds(enum logic_type type, union logic_cell value)
 {
 	if (type == LOGIC_REAL)
 		return value.bits >> 32 == 0 && logic_finite((double)value.r);
@@ -319,7 +319,8 @@ static const char *take_initial(struct logic *logic, const uint8_t *section)
 
 		memcpy(&initial, section + i * sizeof(initial), sizeof(initial));
 		value.bits = (uint64_t)initial.high << 32 | initial.low;
-		if (initial.slot >= logic->head->slots || !initial_fits(logic->types[initial.slot], value))
+		if (initial.slot >= logic->head->slots ||
+		    !logic_holds((enum logic_type)logic->types[initial.slot], value))
 			return "an initial value does not fit its variable";
 		logic->cells[initial.slot] = value;
 	}
@@ -372,6 +373,13 @@ const char *logic_name(const struct logic *logic, uint16_t name)
 	return logic->names + name;
 }
 
+bool logic_retains_alike(const struct logic *a, const struct logic_retained *in_a, const struct logic *b,
+			 const struct logic_retained *in_b)
+{
+	return in_a->type == in_b->type && in_a->slots == in_b->slots &&
+	       strcmp(logic_name(a, in_a->name), logic_name(b, in_b->name)) == 0;
+}
+
 unsigned logic_carry(struct logic *to, const struct logic *from)
 {
 	unsigned carried = 0;
@@ -382,8 +390,7 @@ unsigned logic_carry(struct logic *to, const struct logic *from)
 		for (uint16_t j = 0; j < from->head->retained; j++) {
 			const struct logic_retained *old = &from->retained[j];
 
-			if (new->type != old->type || new->slots != old->slots ||
-			    strcmp(logic_name(to, new->name), logic_name(from, old->name)) != 0)
+			if (!logic_retains_alike(to, new, from, old))
 				continue;
 			memcpy(to->cells + new->first, from->cells + old->first,
 			       new->slots * sizeof(union logic_cell));

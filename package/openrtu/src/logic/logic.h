@@ -157,6 +157,11 @@ const char *logic_fault_name(enum logic_fault fault);
  */
 void logic_message(const struct logic *logic, unsigned message, char *out, size_t size);
 
+/* A variable of that type may have the value. */
+bool logic_holds(enum logic_type type, union logic_cell value);
+/* Two programs retain the same variable: by name, type and size. */
+bool logic_retains_alike(const struct logic *a, const struct logic_retained *in_a, const struct logic *b,
+			 const struct logic_retained *in_b);
 /* Copies the retained variables that both have, by name, type and size, with their qualities; returns how many. */
 unsigned logic_carry(struct logic *to, const struct logic *from);
 

@@ -8,7 +8,7 @@
 
 #include "logic/config.h"
 #include "logic/logic.h"
-#include "map/map.h"
+#include "map/retained.h"
 
 #define LOGIC_COUNTERS (2 + LOGIC_FAULTS) /* that have names */
 
@@ -17,16 +17,9 @@ struct logic_stats {
 	_Alignas(union logic_cell) struct map_scans scans; /* which others find at its beginning */
 	_Atomic uint32_t last_fault, last_line;            /* 0: there was none */
 	_Atomic uint32_t faults[LOGIC_FAULTS];
-	_Atomic uint32_t kept; /* which of the two copies behind it is whole: 1 or 2; 0: none yet */
-	_Atomic uint32_t turn; /* of the memory behind the copies; odd: a scan is changing it */
+	_Atomic uint32_t turn; /* of the memory behind what is retained; odd: a scan is changing it */
 };
 _Static_assert(sizeof(struct logic_stats) % sizeof(union logic_cell) == 0, "the cells are aligned");
-
-/* A retained variable, or a point that masters set. */
-struct logic_kept {
-	uint32_t low, high; /* of the value */
-	uint32_t quality;
-};
 
 /* Of a COMMAND: no process of the module asks for what a former one has asked for. */
 struct logic_asked {
@@ -35,14 +28,20 @@ struct logic_asked {
 };
 _Static_assert(sizeof(struct logic_asked) % sizeof(union logic_cell) == 0, "the cells are aligned");
 
+/* Slots of retained variables, then points that masters set. */
 static inline uint32_t logic_kept_count(const struct logic_instance *instance)
 {
 	return instance->retained + instance->set_points;
 }
 
+static inline struct map_retained *logic_kept_of(struct logic_stats *stats)
+{
+	return (void *)(stats + 1);
+}
+
 static inline size_t logic_asked_place(const struct logic_instance *instance)
 {
-	return sizeof(struct logic_stats) + 2 * sizeof(struct logic_kept) * logic_kept_count(instance);
+	return sizeof(struct logic_stats) + map_retained_size(logic_kept_count(instance));
 }
 
 static inline size_t logic_memory_place(const struct logic_instance *instance)

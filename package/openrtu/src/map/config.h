@@ -162,6 +162,14 @@ struct map_history_plan {
 	uint32_t at, readers, entries;
 };
 
+/*
+ * What a module retains in its own section (map/retained.h): at so many octets, so many values, the first of which have names, as
+ * many as names from first on in MAP_RETAINED. No names: the journal keeps nothing of it.
+ */
+struct map_retained_plan {
+	uint32_t at, values, first, names;
+};
+
 /* A module, as the map is made for it. rtud's segment keeps it: no reader has to know a kind. */
 struct map_module_plan {
 	char name[MAP_NAME_SIZE];
@@ -172,6 +180,7 @@ struct map_module_plan {
 	uint32_t section_size;       /* octets of its own section (map_section) */
 	uint32_t counters;           /* so many in that section have a name at most (map_name_counter) */
 	struct map_history_plan history;
+	struct map_retained_plan retained;
 	uint32_t first_listed, listed_count; /* with MAP_REQUESTS_LISTED: its part of MAP_LISTED */
 	uint32_t
 	    user; /* what rtud adds to the first of the modules' users: no other's, or 0: no process of rtud's */
@@ -185,7 +194,7 @@ struct map_section {
 	void *records;
 };
 
-#define MAP_SECTIONS_MAX 32
+#define MAP_SECTIONS_MAX 40
 #define MAP_SECTION_ID(a, b, c, d)                                                                           \
 	((uint32_t)(a) | (uint32_t)(b) << 8 | (uint32_t)(c) << 16 | (uint32_t)(d) << 24)
 

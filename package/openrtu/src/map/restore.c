@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "map/layout.h"
+#include "map/retained.h"
 #include "map/supervise.h"
 
 struct restoration {
@@ -18,7 +19,7 @@ struct restoration {
 static bool has_part(const struct module_entry *entry)
 {
 	return entry->point_count > 0 || (entry->plan.flags & MAP_KEEPS_QUEUES) ||
-	       entry->plan.history.entries != 0;
+	       entry->plan.history.entries != 0 || entry->plan.retained.names != 0;
 }
 
 static bool open_segment(const struct map *map, uint32_t module, struct segment *out)
@@ -111,6 +112,22 @@ static void put_sample(const struct map *map, const struct restoration *restorat
 		segment->samples[copy][slot_of(map, kept->point)] = kept->sample;
 }
 
+/* The latch stays as it is: the first copy is whole. */
+static void put_value(const struct map *map, const struct restoration *restoration,
+		      const struct map_kept_value *kept)
+{
+	const uint32_t owner = map_retained_owner(map, kept->name);
+	const struct map_retained_plan *plan;
+	struct map_retained *retained;
+
+	if (owner == MAP_NONE)
+		return;
+	plan = &map->modules[owner].plan.retained;
+	retained = (void *)((uint8_t *)restoration->segments[owner].own + plan->at);
+	map_retained_whole(retained, plan->values)[kept->name - plan->first] =
+	    (struct map_retained_value){kept->low, kept->high, kept->quality | MAP_RETAINED_KNOWN};
+}
+
 /* Its keeper's first process sees by a start that is none that this is of a former gateway. */
 static void put_history(const struct map *map, const struct restoration *restoration,
 			const struct map_kept_history *kept)
@@ -144,6 +161,8 @@ int map_restore(struct map *map, const struct map_kept *kept, char *error)
 		put_event(map, &restoration, &kept->events[i]);
 	for (uint32_t i = 0; opened && i < kept->sample_count; i++)
 		put_sample(map, &restoration, &kept->samples[i]);
+	for (uint32_t i = 0; opened && i < kept->value_count; i++)
+		put_value(map, &restoration, &kept->values[i]);
 	if (opened) {
 		put_queues(map, &restoration, kept);
 		put_history(map, &restoration, &kept->history);

@@ -58,18 +58,27 @@ struct map_kept_history {
 	uint32_t reader_count;
 };
 
+/* A value that a module retained before a power cut. */
+struct map_kept_value {
+	uint32_t name; /* its place in MAP_RETAINED */
+	uint32_t low, high;
+	uint8_t quality;
+};
+
 /* What the journal held. Queues of addresses lie behind the groups', the one unused longest first. */
 struct map_kept {
 	struct map_kept_event *events; /* oldest first */
 	uint32_t event_count;
 	struct map_kept_sample *samples;
 	uint32_t sample_count;
+	struct map_kept_value *values;
+	uint32_t value_count;
 	struct map_kept_history history;
 	char addresses[MAP_QUEUES][MAP_ADDRESS_SIZE]; /* empty: a group's, or none */
 };
 
 /*
- * Puts events back into their owners' rings, queues to the places they had, and retained points to where the owner's first
+ * Puts events back into their owners' rings, queues to the places they had, and retained points and values to where the owner's first
  * process finds them as if a former one had left them. After map_create, before any module is started. Returns 0, or -1 with a message in error.
  */
 int map_restore(struct map *map, const struct map_kept *kept, char *error);

@@ -5,6 +5,8 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "map/retained.h"
+
 static void plan_listed(struct stage *stage)
 {
 	static uint32_t listed[] = {0, 1, 3, 5}; /* the first and the last are for nobody */
@@ -17,11 +19,21 @@ static void plan_listed(struct stage *stage)
 	map_add_section(&stage->config, MAP_LISTED, sizeof(*listed), 4, listed);
 }
 
+static void plan_retained(struct stage *stage)
+{
+	struct map_module_plan *first = &stage->modules[stage->sets[0].module];
+
+	first->retained = stage->retained;
+	first->section_size = stage->retained.at + (uint32_t)map_retained_size(stage->retained.values);
+}
+
 static void make(struct stage *stage)
 {
 	char error[MAP_ERROR_SIZE];
 
 	plan_modules(&stage->config, stage->modules, stage->processes);
+	if (stage->retained.values != 0)
+		plan_retained(stage);
 	if (stage->with_listed)
 		plan_listed(stage);
 	if (map_create(&stage->rtud, stage->dir, &stage->config, 0, error) < 0)

@@ -25,6 +25,7 @@ struct stage {
 	struct map_point points[POINTS];
 	struct map_config config;
 	struct map_module_plan modules[MAP_MODULES_MAX];
+	struct map_retained_plan retained; /* of the first line */
 	bool with_listed; /* there is a module "others", which may command points 1 and 3 alone */
 	struct map *rtud;
 };

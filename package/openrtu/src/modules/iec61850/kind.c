@@ -52,15 +52,22 @@ static int open_socket(const struct map_config *config)
 	return kind_open_port(settings->address, settings->port, SOCK_STREAM);
 }
 
+static bool same_records(const struct map_config *a, const struct map_config *b, uint32_t id, size_t size)
+{
+	const uint32_t count = map_record_count(b, id);
+
+	return map_record_count(a, id) == count &&
+	       (count == 0 || memcmp(map_records(a, id, size), map_records(b, id, size), count * size) == 0);
+}
+
 static bool same(const struct map_config *a, const struct map_config *b, uint32_t module, const char *name)
 {
-	const uint32_t count = map_record_count(b, IEC61850_ASSIGNMENTS);
-
 	(void)module, (void)name;
 	return memcmp(iec61850_settings(a), iec61850_settings(b), sizeof(struct iec61850_settings)) == 0 &&
-	       map_record_count(a, IEC61850_ASSIGNMENTS) == count &&
-	       (count == 0 || memcmp(iec61850_assignments(a), iec61850_assignments(b),
-				     count * sizeof(struct iec61850_assignment)) == 0);
+	       same_records(a, b, IEC61850_ASSIGNMENTS, sizeof(struct iec61850_assignment)) &&
+	       same_records(a, b, IEC61850_DATA_SETS, sizeof(struct iec61850_data_set)) &&
+	       same_records(a, b, IEC61850_MEMBERS, sizeof(uint32_t)) &&
+	       same_records(a, b, IEC61850_REPORTS, sizeof(struct iec61850_report));
 }
 
 const struct kind iec61850_kind = {

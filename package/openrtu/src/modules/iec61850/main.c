@@ -130,6 +130,7 @@ static bool accept_one(int listener, int64_t now_ns)
 	iec61850_association_open(&place->association, server.model.settings->max_pdu, now_ns);
 	place->association.session = ++sessions;
 	place->association.may_control = is_controller(&peer);
+	memcpy(&place->association.peer, &peer, sizeof(place->association.peer));
 	return true;
 }
 
@@ -262,7 +263,9 @@ static void show_blocks(struct iec61850_shown *shown)
 {
 	shown->block_count = 0;
 	for (uint32_t i = 0; i < server.model.device_count; i++)
-		for (uint32_t j = 0; j < IEC61850_BLOCKS && shown->block_count < IEC61850_SHOWN_BLOCKS; j++)
+		for (uint32_t j = 0;
+		     j < server.model.devices[i].block_count && shown->block_count < IEC61850_SHOWN_BLOCKS;
+		     j++)
 			if (server.model.devices[i].blocks[j].owner != NULL)
 				show_block(shown, &server.model.devices[i], j);
 }
@@ -322,6 +325,7 @@ static void run(int stop, int listener)
 		map_bell_clear(map);
 		take_answers();
 		iec61850_controls_tick(&server);
+		iec61850_blocks_tick(&server);
 		take_events(now_ns);
 		for (uint32_t i = 0; i < count; i++)
 			if (connections[i].fd >= 0)

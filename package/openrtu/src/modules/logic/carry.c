@@ -44,9 +44,30 @@ static bool is_set_point(const struct program *program, uint16_t point)
 	       program->config->points[link_of(program, point)->point].set == program->instance->set;
 }
 
-/* Behind the retained slots. NULL: none of these names and types. */
-static const struct logic_kept *find_set_point(const struct program *from, const struct logic_kept *kept,
-					       const char *name, uint8_t type)
+static struct map_retained_value initial_of(const struct program *program, uint16_t point)
+{
+	const struct logic_link *link = link_of(program, point);
+	union map_value initial = {0};
+
+	if (!link->has_initial)
+		return (struct map_retained_value){.quality = MAP_INVALID | MAP_RETAINED_KNOWN};
+	logic_map_value(type_of(program, point), program->logic.points[point].type, (double)link->initial,
+			&initial);
+	return (struct map_retained_value){.low = initial.u, .quality = MAP_RETAINED_KNOWN};
+}
+
+/* A master that has set the very value that the point began with has changed nothing either. */
+static bool has_been_set(const struct program *from, uint16_t point, const struct map_retained_value *kept)
+{
+	const struct map_retained_value initial = initial_of(from, point);
+
+	return kept->low != initial.low || kept->quality != initial.quality;
+}
+
+/* Behind the retained slots. NULL: none of these names and types, or none that a master has set. */
+static const struct map_retained_value *find_set_point(const struct program *from,
+						       const struct map_retained_value *kept,
+						       const char *name, uint8_t type)
 {
 	kept += from->instance->retained;
 	for (uint16_t i = 0; i < from->logic.head->points; i++) {
@@ -54,53 +75,41 @@ static const struct logic_kept *find_set_point(const struct program *from, const
 			continue;
 		if (type_of(from, i) == type &&
 		    strcmp(logic_name(&from->logic, from->logic.points[i].name), name) == 0)
-			return kept;
+			return has_been_set(from, i, kept) ? kept : NULL;
 		kept++;
 	}
 	return NULL;
 }
 
-static struct logic_kept initial_of(const struct program *to, uint16_t point)
+/* NULL: the former program did not retain it. */
+static const struct map_retained_value *find_variable(const struct logic *from,
+						      const struct map_retained_value *kept,
+						      const struct logic *to,
+						      const struct logic_retained *variable)
 {
-	const struct logic_link *link = link_of(to, point);
-	union map_value initial = {0};
-
-	if (!link->has_initial)
-		return (struct logic_kept){.quality = MAP_INVALID};
-	logic_map_value(type_of(to, point), to->logic.points[point].type, (double)link->initial, &initial);
-	return (struct logic_kept){.low = initial.u, .quality = MAP_GOOD};
+	for (uint16_t i = 0; i < from->head->retained; i++) {
+		if (logic_retains_alike(from, &from->retained[i], to, variable))
+			return kept;
+		kept += from->retained[i].slots;
+	}
+	return NULL;
 }
 
-static void take_slots(struct logic *logic, const struct logic_kept *kept)
+/* What neither has said yet, each begins with as its text says. */
+static void carry(const struct program *from, const struct map_retained_value *kept, const struct program *to,
+		  struct map_retained_value *out)
 {
-	for (uint16_t i = 0; i < logic->head->retained; i++)
-		for (uint32_t slot = logic->retained[i].first, end = slot + logic->retained[i].slots;
-		     slot < end; slot++, kept++) {
-			logic->cells[slot].bits = (uint64_t)kept->high << 32 | kept->low;
-			logic->quality[slot] = (uint8_t)kept->quality;
-		}
-}
+	const struct map_retained_value *found;
 
-static void keep_slots(const struct logic *logic, struct logic_kept *kept)
-{
-	for (uint16_t i = 0; i < logic->head->retained; i++)
-		for (uint32_t slot = logic->retained[i].first, end = slot + logic->retained[i].slots;
-		     slot < end; slot++)
-			*kept++ = (struct logic_kept){(uint32_t)logic->cells[slot].bits,
-						      (uint32_t)(logic->cells[slot].bits >> 32),
-						      logic->quality[slot]};
-}
+	for (uint16_t i = 0; i < to->logic.head->retained; i++) {
+		const struct logic_retained *variable = &to->logic.retained[i];
 
-static void carry(struct program *from, const struct logic_kept *kept, struct program *to,
-		  struct logic_kept *out)
-{
-	take_slots(&from->logic, kept);
-	logic_carry(&to->logic, &from->logic);
-	keep_slots(&to->logic, out);
-	out += to->instance->retained;
+		found = find_variable(&from->logic, kept, &to->logic, variable);
+		if (found != NULL)
+			memmove(out, found, variable->slots * sizeof(*out));
+		out += variable->slots;
+	}
 	for (uint16_t i = 0; i < to->logic.head->points; i++) {
-		const struct logic_kept *found;
-
 		if (!is_set_point(to, i))
 			continue;
 		found = find_set_point(from, kept, logic_name(&to->logic, to->logic.points[i].name),
@@ -153,18 +162,16 @@ void logic_carry_kept(const struct map_config *before, const struct logic_instan
 		      const struct map_config *now, const struct logic_instance *is, void *to)
 {
 	struct program old = {.config = before, .instance = was}, new = {.config = now, .instance = is};
-	const struct logic_stats *left = from;
+	const struct map_retained *left = (const void *)((const struct logic_stats *)from + 1);
 	const struct logic_asked *asked = (const void *)((const uint8_t *)from + logic_asked_place(was));
-	struct logic_stats *begun = to;
-	const uint32_t which = atomic_load_explicit(&left->kept, memory_order_acquire);
+	struct map_retained *begun = logic_kept_of(to);
 
-	if (which != 0 && load(&old) && load(&new)) {
-		const struct logic_kept *first = (const void *)(left + 1);
+	if (load(&old) && load(&new)) {
+		const uint32_t whole = atomic_load_explicit(&left->latch, memory_order_acquire) & 1;
 
-		carry_asked(&old.logic, asked, &new.logic, logic_asked_of(begun, is));
-		carry(&old, first + (which == 1 ? 0 : logic_kept_count(was)), &new,
-		      (struct logic_kept *)(void *)(begun + 1));
-		atomic_store(&begun->kept, 1);
+		carry_asked(&old.logic, asked, &new.logic, logic_asked_of(to, is));
+		carry(&old, left->values + whole * logic_kept_count(was), &new, begun->values);
+		atomic_store(&begun->latch, 0);
 	}
 	free(old.memory);
 	free(new.memory);

@@ -14,6 +14,7 @@ struct host_point {
 	uint32_t point;
 	enum map_type type;
 	bool own;
+	bool kept;                /* a former process has said what masters have set */
 	struct map_sample sample; /* as it was read, or published, last */
 	uint8_t cause;            /* enum map_cause of the next publication */
 };
@@ -90,7 +91,7 @@ void messages_say(const struct host *host, int64_t now_ns);
 
 /* ---- kept.c ------------------------------------------------------------------------------ */
 
-/* Takes over what the process before has kept. */
+/* Takes over what the process before has kept, or the journal. */
 void kept_restore(struct host *host);
 void kept_store(struct host *host);
 

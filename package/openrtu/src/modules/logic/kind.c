@@ -36,6 +36,10 @@ static bool plan(struct map_config *config)
 			      .log = 128},
 		    .heartbeat_limit_ms = HEARTBEAT_LIMIT_MS,
 		    .section_size = (uint32_t)logic_section_size(&instances[i]),
+		    .retained = {.at = sizeof(struct logic_stats),
+				 .values = logic_kept_count(&instances[i]),
+				 .first = instances[i].first_retained,
+				 .names = instances[i].retained},
 		    .counters = LOGIC_COUNTERS,
 		    .user = free_user(config),
 		};

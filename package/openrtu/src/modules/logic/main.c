@@ -234,9 +234,6 @@ static void link_points(const struct map_config *config)
  */
 static void restore_points(const struct map_config *config)
 {
-	const bool first =
-	    atomic_load(&host.stats->kept) == 0; /* else a former process has said what was set */
-
 	for (uint16_t i = 0; i < host.logic.head->points; i++) {
 		const struct logic_point *variable = &host.logic.points[i];
 		struct host_point *point = &host.points[i];
@@ -246,7 +243,7 @@ static void restore_points(const struct map_config *config)
 		if (!point->own || !(config->points[point->point].flags & MAP_POINT_RETAIN))
 			continue;
 		sample = map_own_sample(host.map, point->point);
-		if (sample.time_ns == 0 || (!variable->written && !first))
+		if (sample.time_ns == 0 || point->kept)
 			continue;
 		if (!variable->written)
 			sample.quality &= (uint8_t)~MAP_NOT_TOPICAL;

@@ -1,0 +1,320 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* "data_sets": data sets that somebody has chosen, and their report control blocks. */
+#include <ctype.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "config/names.h"
+#include "iec61850/config.h"
+#include "iec61850/config_part.h"
+#include "iec61850/kept.h"
+#include "iec61850/model.h"
+
+enum { NAME, CONF_REV, POINTS, REPORTS, SET_KEYS };
+static const struct config_rule set_rules[SET_KEYS] = {
+    [NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .required = true, .low = 1, .high = IEC61850_SET_SIZE - 1},
+    [CONF_REV] = {"conf_rev", CONFIG_INTEGER, .low = 1, .high = UINT32_MAX},
+    [POINTS] = {"points", CONFIG_ARRAY, .required = true, .high = UINT16_MAX},
+    [REPORTS] = {"reports", CONFIG_ARRAY, .high = IEC61850_SET_REPORTS_MAX},
+};
+
+enum { CB_NAME, BUFFERED, INSTANCES, ID, TRIGGERS, OPTIONS, BUFFER_MS, INTEGRITY_MS, REPORT_KEYS };
+static const struct config_rule report_rules[REPORT_KEYS] = {
+    [CB_NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .required = true, .low = 1, .high = IEC61850_CB_SIZE - 1},
+    [BUFFERED] = {"buffered", CONFIG_BOOLEAN},
+    [INSTANCES] = {"instances", CONFIG_INTEGER, .low = 1, .high = IEC61850_INSTANCES_MAX, .fallback = 1},
+    [ID] = {"id", CONFIG_TEXT, .low = 1, .high = IEC61850_RPT_ID_SIZE - 1},
+    [TRIGGERS] = {"triggers", CONFIG_ARRAY, .high = 5},
+    [OPTIONS] = {"options", CONFIG_ARRAY, .high = 8},
+    [BUFFER_MS] = {"buffer_ms", CONFIG_INTEGER, .low = 0, .high = UINT32_MAX},
+    [INTEGRITY_MS] = {"integrity_ms", CONFIG_INTEGER, .low = 0, .high = UINT32_MAX},
+};
+
+/* As IEC 61850-6 names them. */
+struct word {
+	const char *text;
+	uint16_t bit;
+};
+static const struct word triggers[] = {{"dchg", IEC61850_DATA_CHANGE},
+				       {"qchg", IEC61850_QUALITY_CHANGE},
+				       {"dupd", IEC61850_DATA_UPDATE},
+				       {"period", IEC61850_INTEGRITY},
+				       {"gi", IEC61850_GENERAL}};
+static const struct word options[] = {{"seqNum", IEC61850_SEQUENCE},   {"timeStamp", IEC61850_TIME_STAMP},
+				      {"reasonCode", IEC61850_REASON}, {"dataSet", IEC61850_SET_NAME},
+				      {"dataRef", IEC61850_REFERENCE}, {"bufOvfl", IEC61850_OVERFLOW},
+				      {"entryID", IEC61850_ENTRY},     {"configRef", IEC61850_CONF_REVISION}};
+#define COUNT(array) ((unsigned)(sizeof(array) / sizeof((array)[0])))
+
+/* Records of what grows while the file is read. */
+struct growing {
+	void *records;
+	size_t size;
+	uint32_t count;
+};
+
+static void *grow(struct config_loader *loader, struct growing *growing)
+{
+	const uint32_t count = growing->count;
+
+	if ((count & (count - 1)) == 0) { /* it has as much room as the power of two says */
+		void *records =
+		    realloc(growing->records, (count == 0 ? 1 : 2 * (size_t)count) * growing->size);
+
+		if (records == NULL) {
+			config_out_of_memory(&loader->report);
+			return NULL;
+		}
+		growing->records = records;
+	}
+	return memset((uint8_t *)growing->records + growing->count++ * growing->size, 0, growing->size);
+}
+
+/* What is read, until it has its place in the configuration. */
+struct chosen {
+	struct growing sets, members, reports;
+};
+
+static void check_name(struct config_loader *loader, const struct config_place *in, const char *name)
+{
+	const struct config_place here = config_key_of(in, CONFIG_KEY_NAME);
+	bool good = isalpha((unsigned char)*name);
+
+	for (const char *c = name; *c != '\0'; c++)
+		good = good && (isalnum((unsigned char)*c) || *c == '_');
+	if (!good)
+		config_error(&loader->report, &here,
+			     "\"%s\" is no name of SCL, expected a letter, then letters, digits and _", name);
+}
+
+static uint16_t read_words(struct config_loader *loader, const struct config_place *place,
+			   const struct config_value *value, const struct word *words, unsigned count)
+{
+	uint16_t bits = 0;
+
+	for (size_t i = 0; value->given && i < json_array_size(value->json); i++) {
+		const struct config_place here = config_element_of(place, i);
+		const char *text = json_string_value(json_array_get(value->json, i));
+		char expected[160] = "";
+		unsigned word = 0;
+
+		while (word < count && (text == NULL || strcmp(words[word].text, text) != 0))
+			word++;
+		if (word < count) {
+			bits |= words[word].bit;
+			continue;
+		}
+		for (word = 0; word < count; word++)
+			snprintf(expected + strlen(expected), sizeof(expected) - strlen(expected), " %s",
+				 words[word].text);
+		config_error(&loader->report, &here, "is none of%s", expected);
+	}
+	return bits;
+}
+
+static void read_report(struct config_loader *loader, const struct config_place *place, const json_t *json,
+			struct chosen *chosen)
+{
+	const struct config_place trigger_place = config_key_of(place, report_rules[TRIGGERS].name);
+	const struct config_place option_place = config_key_of(place, report_rules[OPTIONS].name);
+	const unsigned errors = loader->report.errors;
+	struct config_value values[REPORT_KEYS];
+	struct iec61850_report *report;
+
+	config_read_keys(&loader->report, place, json, report_rules, REPORT_KEYS, values);
+	if (loader->report.errors != errors)
+		return;
+	report = grow(loader, &chosen->reports);
+	if (report == NULL)
+		return;
+	report->set = (uint16_t)(chosen->sets.count - 1);
+	check_name(loader, place, values[CB_NAME].text);
+	snprintf(report->name, sizeof(report->name), "%s", values[CB_NAME].text);
+	snprintf(report->id, sizeof(report->id), "%s", values[ID].given ? values[ID].text : "");
+	report->buffered = values[BUFFERED].integer != 0;
+	report->instances = (uint8_t)values[INSTANCES].integer;
+	report->buffer_ms = (uint32_t)values[BUFFER_MS].integer;
+	report->integrity_ms = (uint32_t)values[INTEGRITY_MS].integer;
+	report->triggers =
+	    (uint8_t)read_words(loader, &trigger_place, &values[TRIGGERS], triggers, COUNT(triggers));
+	report->options = read_words(loader, &option_place, &values[OPTIONS], options, COUNT(options));
+	if (!report->buffered && (report->options & ~(unsigned)IEC61850_OPTIONS))
+		config_error(
+		    &loader->report, &option_place,
+		    "has bufOvfl or entryID, which are of buffered reports alone: leave them out, or set "
+		    "\"buffered\"");
+}
+
+static bool has_member(const struct growing *members, const struct iec61850_data_set *set, uint32_t point)
+{
+	const uint32_t *points = members->records;
+
+	for (uint32_t i = set->first_member; i < members->count; i++)
+		if (points[i] == point)
+			return true;
+	return false;
+}
+
+static void read_member(struct config_loader *loader, const struct config_place *place, const json_t *json,
+			struct chosen *chosen)
+{
+	const struct map_config *config = loader->config;
+	const struct iec61850_data_set *set =
+	    (struct iec61850_data_set *)chosen->sets.records + chosen->sets.count - 1;
+	const char *name = json_string_value(json);
+	const uint32_t point = name == NULL ? MAP_NONE : config_index_name(&loader->index, config, name);
+	const uint32_t *points = chosen->members.records;
+	uint32_t *member;
+
+	if (point == MAP_NONE) {
+		config_error(&loader->report, place, "is the name of no point");
+		return;
+	}
+	if (chosen->members.count > set->first_member &&
+	    config->sets[config->points[point].set].ca !=
+		config->sets[config->points[points[set->first_member]].set].ca)
+		config_error(&loader->report, place,
+			     "\"%s\" is of another common address than the first point: a data set is of one "
+			     "logical device",
+			     name);
+	if (has_member(&chosen->members, set, point))
+		config_error(&loader->report, place, "\"%s\" is in the data set already", name);
+	member = grow(loader, &chosen->members);
+	if (member != NULL)
+		*member = point;
+}
+
+static void read_set(struct config_loader *loader, const struct config_place *place, const json_t *json,
+		     struct chosen *chosen)
+{
+	const struct config_place points = config_key_of(place, set_rules[POINTS].name);
+	const struct config_place reports = config_key_of(place, set_rules[REPORTS].name);
+	const unsigned errors = loader->report.errors;
+	struct config_value values[SET_KEYS];
+	struct iec61850_data_set *set;
+
+	config_read_keys(&loader->report, place, json, set_rules, SET_KEYS, values);
+	if (loader->report.errors != errors)
+		return;
+	check_name(loader, place, values[NAME].text);
+	set = grow(loader, &chosen->sets);
+	if (set == NULL)
+		return;
+	snprintf(set->name, sizeof(set->name), "%s", values[NAME].text);
+	set->conf_rev = (uint32_t)values[CONF_REV].integer;
+	set->first_member = chosen->members.count;
+	for (size_t i = 0; i < json_array_size(values[POINTS].json); i++) {
+		const struct config_place here = config_element_of(&points, i);
+
+		read_member(loader, &here, json_array_get(values[POINTS].json, i), chosen);
+	}
+	set->member_count = chosen->members.count - set->first_member;
+	if (json_array_size(values[POINTS].json) == 0)
+		config_error(&loader->report, &points, "has no point, expected one at least");
+	for (size_t i = 0; values[REPORTS].given && i < json_array_size(values[REPORTS].json); i++) {
+		const struct config_place here = config_element_of(&reports, i);
+
+		read_report(loader, &here, json_array_get(values[REPORTS].json, i), chosen);
+	}
+}
+
+/* ---- all of them --------------------------------------------------------------------------- */
+
+static uint16_t ca_of(const struct map_config *config, const struct chosen *chosen,
+		      const struct iec61850_data_set *set)
+{
+	const uint32_t *members = chosen->members.records;
+
+	return config->sets[config->points[members[set->first_member]].set].ca;
+}
+
+static void check_twice(struct config_loader *loader, const struct config_place *place,
+			const struct chosen *chosen)
+{
+	const struct iec61850_data_set *sets = chosen->sets.records;
+	const struct iec61850_report *reports = chosen->reports.records;
+	uint32_t kept = 0;
+
+	for (uint32_t i = 0; i < chosen->sets.count; i++)
+		for (uint32_t j = 0; j < i; j++)
+			if (strcmp(sets[i].name, sets[j].name) == 0 &&
+			    ca_of(loader->config, chosen, &sets[i]) ==
+				ca_of(loader->config, chosen, &sets[j]))
+				config_error(
+				    &loader->report, place,
+				    "has two data sets \"%s\" of CA %u: expected another name for one",
+				    sets[i].name, (unsigned)ca_of(loader->config, chosen, &sets[i]));
+	for (uint32_t i = 0; i < chosen->reports.count; i++) {
+		kept += reports[i].buffered ? reports[i].instances : 0;
+		for (uint32_t j = 0; j < i; j++)
+			if (strcmp(reports[i].name, reports[j].name) == 0 &&
+			    ca_of(loader->config, chosen, &sets[reports[i].set]) ==
+				ca_of(loader->config, chosen, &sets[reports[j].set]))
+				config_error(&loader->report, place,
+					     "has two control blocks \"%s\" of one logical device: expected "
+					     "another name for one",
+					     reports[i].name);
+	}
+	if (kept > IEC61850_KEPT_ALL)
+		config_error(&loader->report, place, "has %u buffered control blocks, expected %u at most",
+			     (unsigned)kept, IEC61850_KEPT_ALL);
+}
+
+static int by_name(const void *a, const void *b, void *context)
+{
+	const struct iec61850_data_set *sets = context;
+
+	return strcmp(sets[*(const uint16_t *)a].name, sets[*(const uint16_t *)b].name);
+}
+
+/* Clients see data sets in the order of their names. */
+static void sort(struct chosen *chosen)
+{
+	struct iec61850_data_set *sets = chosen->sets.records, sorted[IEC61850_DATA_SETS_MAX];
+	struct iec61850_report *reports = chosen->reports.records;
+	uint16_t order[IEC61850_DATA_SETS_MAX], now[IEC61850_DATA_SETS_MAX];
+	const uint32_t count = chosen->sets.count;
+
+	for (uint32_t i = 0; i < count; i++)
+		order[i] = (uint16_t)i;
+	qsort_r(order, count, sizeof(*order), by_name, sets);
+	for (uint32_t i = 0; i < count; i++) {
+		sorted[i] = sets[order[i]];
+		now[order[i]] = (uint16_t)i;
+	}
+	memcpy(sets, sorted, count * sizeof(*sets));
+	for (uint32_t i = 0; i < chosen->reports.count; i++)
+		reports[i].set = now[reports[i].set];
+}
+
+static void keep(struct map_config *config, uint32_t id, const struct growing *growing)
+{
+	if (growing->records != NULL)
+		map_add_section(config, id, (uint32_t)growing->size, growing->count, growing->records);
+}
+
+bool iec61850_take_sets(struct config_loader *loader, const struct config_place *place, const json_t *array)
+{
+	struct chosen chosen = {.sets = {.size = sizeof(struct iec61850_data_set)},
+				.members = {.size = sizeof(uint32_t)},
+				.reports = {.size = sizeof(struct iec61850_report)}};
+	const unsigned errors = loader->report.errors;
+
+	if (array == NULL)
+		return true;
+	if (!config_index_renew(&loader->index, loader->config))
+		return false;
+	for (size_t i = 0; i < json_array_size(array) && i < IEC61850_DATA_SETS_MAX; i++) {
+		const struct config_place here = config_element_of(place, i);
+
+		read_set(loader, &here, json_array_get(array, i), &chosen);
+	}
+	if (loader->report.errors == errors && chosen.sets.count > 0) {
+		check_twice(loader, place, &chosen);
+		sort(&chosen);
+	}
+	keep(loader->config, IEC61850_DATA_SETS, &chosen.sets);
+	keep(loader->config, IEC61850_MEMBERS, &chosen.members);
+	keep(loader->config, IEC61850_REPORTS, &chosen.reports);
+	return true;
+}
