@@ -24,7 +24,8 @@ options=("--host=${prefix%-}" --prefix=/usr --enable-static --disable-shared --w
 	--with-openssl --enable-blumenthal-aes --with-transports=UDP --with-security-modules=usm --without-rpm --without-libwrap --without-zlib --without-nl
 	--enable-ipv6 --with-endianness=little --with-logfile=none --with-persistent-directory=/var/lib/snmp)
 
-[ -z "$agent" ] || options+=(--enable-agent --enable-mini-agent --with-mib-modules="snmpv3mibs mibII/vacm_vars mibII/vacm_conf")
+[ -z "$agent" ] || options+=(--enable-agent --enable-mini-agent --enable-snmpv1 --enable-snmpv2c
+	"--with-mib-modules=snmpv3mibs mibII/vacm_vars mibII/vacm_conf")
 
 inputs() {
 	echo "$debian $prefix $cflags ${options[*]}"
