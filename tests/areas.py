@@ -123,7 +123,7 @@ REACH = [
     ("scripts/lab/twin_show.py", "test-twin"),
     (
         "scripts/lab/manager.py",
-        "lint tests/test_snmp.py tests/test_reload_running.py tests/test_show.py "
+        "lint tests/test_snmp.py tests/test_reload*.py tests/test_show.py "
         "tests/linux/test_system_tls.py",
     ),
     ("scripts/lab/managed.py", "lint tests/test_show.py tests/linux/test_run.py"),
