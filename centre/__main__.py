@@ -18,11 +18,12 @@ from pathlib import Path
 
 from aiohttp import web
 
-from centre import settings, users
+from centre import higher, settings, users
 from centre.api import ROUTES
 from centre.centre import Centre
 from centre.database import open_store
 from centre.errors import CentreError
+from centre.push import Pusher
 from centre.web import Server
 
 PAGE = Path(__file__).resolve().parent.parent / "build" / "centre" / "page"
@@ -66,6 +67,8 @@ async def serve(what: settings.Settings, page: Path) -> None:
             from centre.bus import Bus  # who has no broker needs no paho
 
             working.append(asyncio.create_task(Bus(centre, what.mqtt).run()))
+        if what.push:
+            working.append(asyncio.create_task(Pusher(centre, what.push).run()))
         collecting = asyncio.create_task(centre.collect())
         ending = asyncio.create_task(ended.wait())
         await asyncio.wait((collecting, ending), return_when=asyncio.FIRST_COMPLETED)
@@ -90,6 +93,25 @@ def add_user(what: settings.Settings, name: str, role: str, groups: list[str]) -
         store.close()
 
 
+def give_token(what: settings.Settings, name: str, label: str, days: float) -> None:
+    """Prints it."""
+    store = open_store(what.database, alone=False)
+    try:
+        if not store.transaction(lambda database: users.exists(database, name)):
+            raise CentreError(f"there is no user {name}: `python -m centre FILE user {name}` adds one")
+        print(store.transaction(lambda database: users.begin(database, name, label, days * 86400)))
+    finally:
+        store.close()
+
+
+def give_station(what: settings.Settings) -> None:
+    """Prints it; what is left out is said beside it."""
+    configuration, left_out = higher.gateway(what)
+    for each in left_out:
+        print(f"centre: not for the higher centre: {each}", file=sys.stderr)
+    print(json.dumps(configuration, indent=1))
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m centre", description=__doc__.partition("\n\n")[0])
     parser.add_argument(
@@ -105,6 +127,11 @@ def main() -> int:
     user.add_argument(
         "--group", action="append", default=[], help="only stations of this group; may be repeated [all]"
     )
+    token = verbs.add_parser("token", help="print a new token, with the rights of a user, for a program")
+    token.add_argument("name")
+    token.add_argument("--label", default="command line", help="what it is for [command line]")
+    token.add_argument("--days", type=float, default=365, help="how long it is good [365]")
+    verbs.add_parser("station", help="print the gateway's configuration that a higher centre is served by")
     arguments = parser.parse_args()
     logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
     try:
@@ -113,6 +140,10 @@ def main() -> int:
             asyncio.run(serve(what, arguments.page))
         elif arguments.verb == "user":
             add_user(what, arguments.name, arguments.role, arguments.group)
+        elif arguments.verb == "token":
+            give_token(what, arguments.name, arguments.label, arguments.days)
+        elif arguments.verb == "station":
+            give_station(what)
         else:
             print(json.dumps({**what.collector, "socket": str(what.socket)}, indent=1))
     except CentreError as error:

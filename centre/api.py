@@ -403,6 +403,11 @@ async def interrogate(asked: Asked) -> Json:
     return {"common_addresses": await asked.centre.interrogate(asked.session.user, station.id)}
 
 
+async def trace(asked: Asked) -> Any:
+    station = asked.station(_id(asked))
+    return await asked.centre.trace(asked.session.user, station.id, _asked(asked, "after", 0))
+
+
 async def audited(asked: Asked) -> list[Json]:
     """Newest first."""
     return await asked.centre.store.read(
@@ -490,6 +495,9 @@ ROUTES = [
     Route("POST", "/api/commands/{id}/execute", "operator", "execute what is selected", execute),
     Route("POST", "/api/commands/{id}/cancel", "operator", "cancel what is selected", cancel),
     Route("POST", "/api/stations/{id}/interrogate", "operator", "a general interrogation", interrogate),
+    Route("GET", "/api/stations/{id}/trace", "engineer",
+          "the last frames of a station, in words; it is traced as long as somebody asks",
+          trace, {"after": {"type": "integer", "description": "only frames behind this number"}}),
     Route("GET", "/api/audit", "engineer", "who did what", audited),
     Route("GET", "/api/users", "engineer", "all users", all_users),
     Route("POST", "/api/users", "engineer", "add a user, or give a new role and password", put_user,

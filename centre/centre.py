@@ -19,10 +19,11 @@ from centre.database import open_store
 from centre.errors import CentreError, RefusedError, StoreError
 from centre.intake import Intake
 from centre.keep import Keeper
-from centre.model import Alarm, Changes, Command, Model, Point, Station
+from centre.model import Alarm, Changes, Command, Json, Model, Point, Station
 from centre.records import ENDED, Ask, Result, State
 from centre.settings import Keep, Settings
 from centre.store import Database, audit
+from centre.trace import STATIONS_MOST, Trace
 
 Answer = TypeVar("Answer")
 log = logging.getLogger("centre")
@@ -58,6 +59,7 @@ class Centre:
         self._sockets: dict[int, socket.socket] = {}  # by shard of rtu-centre
         self._ids = count(REQUEST_IDS)
         self._tasks: set[asyncio.Task[None]] = set()
+        self.traces: dict[int, Trace] = {}  # by station
 
     def close(self) -> None:
         self.store.close()
@@ -189,9 +191,13 @@ class Centre:
                         sequence, more = records.read_batch(octets)
                         batch += more
                     await self._store(lambda database, batch=batch: self.intake.take(database, batch))
+                    self._trace(batch)
                     await loop.sock_sendall(connection, records.acknowledgement(sequence))
             finally:
                 del self._sockets[shard]
+                self.traces = {
+                    id_: trace for id_, trace in self.traces.items() if not polled(self.model.stations[id_])
+                }
                 await self._store(lambda database: self.intake.stranded(database, polled))
                 self._tell()
         raise CentreError("it has ended, or has another consumer")
@@ -377,6 +383,44 @@ class Centre:
                 station, records.request(Ask.INTERROGATE, station.place, ca, next(self._ids), 20)
             )
         return addresses
+
+    async def trace(self, user: str, station_id: int, after: int) -> list[Json]:
+        """The frames of a station; it is traced from now on, as long as somebody asks."""
+        station = self.station(station_id)
+        for id_ in [id_ for id_, trace in self.traces.items() if trace.left and id_ != station_id]:
+            await self._end_trace(id_)
+        if station_id not in self.traces:
+            if len(self.traces) >= STATIONS_MOST:
+                raise RefusedError(409, "busy", f"{STATIONS_MOST} stations are traced already")
+            self.traces[station_id] = Trace()
+            await self.store.write(
+                lambda database: audit(database, time.time_ns(), user, "trace", station.settings.name)
+            )
+            await self._send(station, records.trace(station.place, next(self._ids), True))
+            task = asyncio.create_task(self._watch_trace(station_id))
+            self._tasks.add(task)
+            task.add_done_callback(self._tasks.discard)
+        return self.traces[station_id].after(after)
+
+    async def _watch_trace(self, station_id: int) -> None:
+        while station_id in self.traces and not self.traces[station_id].left:
+            await asyncio.sleep(AGAIN_S)
+        await self._end_trace(station_id)
+
+    async def _end_trace(self, station_id: int) -> None:
+        if self.traces.pop(station_id, None):
+            station = self.station(station_id)
+            with suppress(RefusedError):  # without rtu-centre there is none
+                await self._send(station, records.trace(station.place, next(self._ids), False))
+
+    def _trace(self, batch: list[records.Record]) -> None:
+        """What was stored, and now is looked at."""
+        if not self.traces:
+            return
+        by_place = {self.model.stations[id_].place: trace for id_, trace in self.traces.items()}
+        for record in batch:
+            if record.kind == records.Kind.OCTETS and record.station in by_place:
+                by_place[record.station].take(record)
 
     async def acknowledge(self, user: str, id_: int) -> Alarm:
         """Who comes second is told who came first."""

@@ -287,6 +287,7 @@ class Intake:
             point.latitude, point.longitude, point.altitude, record.detail,
         )  # fmt: skip
         self.changes.points[point.id] = point
+        self.changes.values.append(point)
         self._point_alarms(database, point)
 
     def _position(self, database: Database, record: Record) -> None:
@@ -306,6 +307,7 @@ class Intake:
             at_ns, record.received_ns, int(sane), latitude, longitude, altitude, record.detail,
         )  # fmt: skip
         self.changes.points[point.id] = point
+        self.changes.values.append(point)
         if self.areas and not point.quality & INVALID:
             self._area_alarms(database, point, latitude / 1e7, longitude / 1e7)
 

@@ -92,14 +92,14 @@ class Point:
             "selects": meaning.selects,
             "minimum": meaning.minimum,
             "maximum": meaning.maximum,
-            **self.news(),
+            **self.told(),
         }
 
     def news(self) -> Json:
         """What changes with a record; all else is of the list of points."""
         said: Json = {
             "id": self.id,
-            "content": self.content if self.content is not None else self.meaning.content,
+            "content": self._content(),
             "value": self.value,
             "quality": self.quality,
             "at": milliseconds(self.at_ns),
@@ -114,6 +114,15 @@ class Point:
                 "satellites": self.detail >> 4,
             }
         return said
+
+    def _content(self) -> int | None:
+        """What its list says of one that was never told; only a position that was is somewhere."""
+        listed = None if self.meaning.content == Content.POSITION else self.meaning.content
+        return listed if self.content is None else self.content
+
+    def told(self) -> Json:
+        """With when it came, as a program wants to know that knows the link."""
+        return {**self.news(), "received": milliseconds(self.received_ns)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,6 +235,7 @@ class Changes:
     points: dict[int, Point] = field(default_factory=dict)
     alarms: dict[int, Alarm] = field(default_factory=dict)
     commands: dict[int, Command] = field(default_factory=dict)
+    values: list[Point] = field(default_factory=list)  # each that was told of points, in order
 
     @property
     def any(self) -> bool:

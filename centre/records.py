@@ -17,6 +17,7 @@ REQUEST = struct.Struct("<BBHIQI4sBBb5x")
 PACKET_MAX = HEADER.size + 1024 * RECORD.size
 
 LAST, TEST, TAGGED, TIME_INVALID, NEGATIVE = 1, 2, 4, 8, 16  # flags of a record
+SENT, GAP = 32, 64  # of octets
 SELECT = 1  # flag of a command
 OVERFLOW, BLOCKED, SUBSTITUTED, NOT_TOPICAL, INVALID = 1, 16, 32, 64, 128  # quality
 
@@ -28,6 +29,7 @@ class Kind(IntEnum):
     POSITION = 4
     PROGRESS = 5
     OTHER = 6
+    OCTETS = 7
 
 
 class Link(IntEnum):
@@ -75,6 +77,7 @@ class Ask(IntEnum):
     EXECUTE = 3
     CANCEL = 4
     INTERROGATE = 5
+    TRACE = 11
 
 
 class Content(IntEnum):
@@ -117,6 +120,7 @@ class Record:
     quality: int = 0
     detail: int = 0
     rest: bytes = b""
+    octets: bytes = b""  # of Kind.OCTETS
 
     @property
     def tagged(self) -> bool:
@@ -165,6 +169,10 @@ def _record(kind: int, flags: int, ca: int, station: int, connection: int, ioa: 
     if kind == Kind.STATION:
         name = said.rstrip(b"\0").decode(errors="replace")
         return Record(kind, flags, ca, station, connection, ioa, name)
+    if kind == Kind.OCTETS:
+        seen_ns = int.from_bytes(said[:8], "little")
+        octets = said[8 : 8 + ca]
+        return Record(kind, flags, 0, station, connection, 0, received_ns=seen_ns, octets=octets)
     return Record(kind, flags, ca, station, connection, ioa, "", *SAID.unpack(said))
 
 
@@ -175,6 +183,10 @@ def acknowledgement(sequence: int) -> bytes:
 def request(kind: Ask, station: int, ca: int, id_: int, qualifier: int = 0) -> bytes:
     """All but a command: it needs no value."""
     return REQUEST.pack(kind, 0, ca, station, id_, 0, bytes(4), 0, qualifier, 0)
+
+
+def trace(station: int, id_: int, on: bool) -> bytes:
+    return REQUEST.pack(Ask.TRACE, 0, 0, station, id_, 0, int(on).to_bytes(4, "little"), 0, 0, 0)
 
 
 def command(

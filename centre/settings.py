@@ -45,6 +45,11 @@ STATION = {
     "group": {"type": "string", "maxLength": 64},
     "points": {"type": "string"},
     "release": {"type": "boolean"},
+    "higher": {
+        "type": "object",
+        "additionalProperties": False,
+        "patternProperties": {"^[0-9]{1,5}$": {"type": "integer", "minimum": 0, "maximum": 13_000_000}},
+    },
     "alarms": {"type": "object", "additionalProperties": ALARM},
 }
 PLACE = STATION["location"]
@@ -106,6 +111,29 @@ MQTT = {
         "commands": {"type": "boolean"},
     },
 }
+PUSH = {
+    "type": "object",
+    "additionalProperties": False,
+    "required": ["url"],
+    "properties": {
+        "url": {"type": "string", "pattern": "^https?://"},
+        "period_s": {"type": "number", "minimum": 1},
+        "token_file": {"type": "string"},
+        "ca": {"type": "string"},
+    },
+}
+HIGHER = {
+    "type": "object",
+    "additionalProperties": False,
+    "required": ["ca", "token_file"],
+    "properties": {
+        "ca": {"type": "integer", "minimum": 1, "maximum": 65534},
+        "token_file": {"type": "string"},
+        "url": {"type": "string", "pattern": "^https?://"},
+        "tls_ca": {"type": "string"},
+        "gateway": {"type": "object"},
+    },
+}
 CENTRE = {
     "address": {"type": "string"},
     "port": {"type": "integer", "minimum": 1, "maximum": 65535},
@@ -118,6 +146,8 @@ CENTRE = {
     "areas": {"type": "array", "items": AREA},
     "keep": KEEP,
     "mqtt": MQTT,
+    "higher": HIGHER,
+    "push": PUSH,
 }
 SCHEMA = {
     "type": "object",
@@ -147,6 +177,7 @@ SET_POINTS = {
     "NC": "float",
     "TC": "float",
 }
+POSITIONS = ("private", "position")  # as rtud's list has it, or who writes one
 CONTENTS = {
     "SP": Content.SINGLE, "DP": Content.DOUBLE, "ST": Content.STEP, "BO": Content.BITS, "IT": Content.TOTAL,
     "ME_NA": Content.NORMALIZED, "ME_ND": Content.NORMALIZED, "ME_NB": Content.SCALED, "ME_NC": Content.FLOAT,
@@ -179,6 +210,9 @@ class StationSettings:
     group: str = ""
     points: dict[tuple[int, int], Meaning] = field(default_factory=dict)  # by common address and IOA
     release: bool = False  # a second person executes its commands
+    higher: dict[int, int] = field(
+        default_factory=dict
+    )  # for a higher centre, by common address: added to an IOA
 
 
 @dataclass(frozen=True)
@@ -219,15 +253,41 @@ class Mqtt:
     commands: bool = False
 
     def password(self) -> str:
-        """Its file's first line."""
-        if not self.password_file:
-            return ""
-        try:
-            if self.password_file.stat().st_mode & 0o077:
-                raise CentreError(f"mqtt: {self.password_file}: others may read it: chmod 600")
-            return self.password_file.read_text().partition("\n")[0]
-        except OSError as error:
-            raise CentreError(f"mqtt: {self.password_file}: {error.strerror}") from error
+        return _secret(self.password_file, "mqtt")
+
+
+@dataclass(frozen=True)
+class Push:
+    """A service of the web that is told positions."""
+
+    url: str
+    period_s: float = 10.0
+    token_file: Path | None = None
+    ca: Path | None = None
+
+    def token(self) -> str:
+        return _secret(self.token_file, "push")
+
+
+def _secret(file: Path | None, whose: str) -> str:
+    """A file's first line."""
+    if not file:
+        return ""
+    try:
+        if file.stat().st_mode & 0o077:
+            raise CentreError(f"{whose}: {file}: others may read it: chmod 600")
+        return file.read_text().partition("\n")[0]
+    except OSError as error:
+        raise CentreError(f"{whose}: {file}: {error.strerror}") from error
+
+
+@dataclass(frozen=True)
+class Higher:
+    """How a higher centre sees this one: centre/higher.py."""
+
+    ca: int
+    reached: Json  # how the gateway's module reaches us
+    gateway: Json  # all else of the gateway's configuration
 
 
 @dataclass(frozen=True)
@@ -247,6 +307,8 @@ class Settings:
     tiles: Path | None = None  # a map of one's own
     shards: int = 1
     mqtt: Mqtt | None = None
+    higher: Higher | None = None
+    push: Push | None = None
 
     @property
     def sockets(self) -> list[Path]:
@@ -296,7 +358,26 @@ def load(path: Path) -> Settings:
         _tiles(own.get("map"), folder),
         content.get("shards", 1),
         _mqtt(own["mqtt"], folder) if "mqtt" in own else None,
+        _higher(own, folder) if "higher" in own else None,
+        _push(own["push"], folder) if "push" in own else None,
     )
+
+
+def _push(wanted: Json, folder: Path) -> Push:
+    files = {key: folder / wanted[key] for key in ("token_file", "ca") if key in wanted}
+    return Push(wanted["url"], wanted.get("period_s", 10.0), **files)
+
+
+def _higher(own: Json, folder: Path) -> Higher:
+    wanted = own["higher"]
+    address, port = own.get("address", "127.0.0.1"), own.get("port", 8104)
+    reached = {
+        "url": wanted.get("url", f"http{'s' if 'tls' in own else ''}://{address}:{port}"),
+        "token_file": str(folder / wanted["token_file"]),
+    }
+    if "tls_ca" in wanted:
+        reached["tls_ca"] = str(folder / wanted["tls_ca"])
+    return Higher(wanted["ca"], reached, wanted.get("gateway", {}))
 
 
 def _mqtt(wanted: Json, folder: Path) -> Mqtt:
@@ -362,7 +443,12 @@ def _station(station: Json, folder: Path) -> StationSettings:
             points[key] = Meaning(**{**vars(meaning), **alarms[meaning.name]})
     location = tuple(station["location"]) if "location" in station else None
     return StationSettings(
-        station["name"], location, station.get("group", ""), points, station.get("release", False)
+        station["name"],
+        location,
+        station.get("group", ""),
+        points,
+        station.get("release", False),
+        {int(ca): added for ca, added in station.get("higher", {}).items()},
     )
 
 
@@ -401,12 +487,13 @@ def _meaning(row: dict[str, str]) -> Meaning:
         return float(row[key]) if row.get(key) else None
 
     kind = row.get("type") or ""
+    listed = Content.POSITION if kind in POSITIONS else CONTENTS.get(kind[2:4], CONTENTS.get(kind[2:7]))
     command = (row.get("command_type") or "").split("_")
     return Meaning(
         row.get("name") or f"{row['ca']}.{row['ioa']}",
         row.get("unit") or "",
         row.get("device") or "",
-        CONTENTS.get(kind[2:4], CONTENTS.get(kind[2:7])) if kind else None,
+        listed,
         "" if len(command) != 4 else SET_POINTS[command[2]] if command[1] == "SE" else TYPES[command[1]],
         (row.get("select") or "") == "true",
         (row.get("direction") or "both") != "control",

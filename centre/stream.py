@@ -16,8 +16,10 @@ from centre.users import Session
 
 PERIOD_S = 1.0
 MESSAGE_MOST = 4096  # a page says which view it shows, and nothing else
-VIEWS = ("map", "points", "alarms", "stations")
-TOLD = ("stations", "points", "gone", "alarms", "commands")
+VALUES_PERIOD_S = 0.1  # of a program that watches values
+VALUES_MOST = 20_000  # that wait for it
+VIEWS = ("map", "points", "alarms", "stations", "values")
+TOLD = ("stations", "points", "gone", "alarms", "commands", "values")
 SEARCH_MOST = 64  # characters
 
 
@@ -25,7 +27,7 @@ SEARCH_MOST = 64  # characters
 class View:
     """What a page shows: of the map a part, one that is followed, and those whose name has a text."""
 
-    name: str = ""
+    name: str = ""  # "values": a program is told of each value of all points, in order, and not only the last
     station: int = 0  # of the view "points"
     bounds: tuple[float, float, float, float] | None = None  # south, west, north, east
     chosen: int = 0  # a point
@@ -75,6 +77,7 @@ class Stream:
         self.shown: dict[str, set[int]] = {kind: set() for kind in ("stations", "points")}  # what it knows
         self.alarms: dict[int, Json] = {}  # an alarm that ends is no longer in the model
         self.commands: dict[int, Json] = {}  # and neither is a command
+        self.values: list[Point] = []
         self.something = asyncio.Event()
 
     def sees(self, station: int) -> bool:
@@ -86,7 +89,9 @@ class Stream:
 
     def shows(self, point: Point) -> bool:
         view = self.view
-        if view.name == "points":
+        if view.name == "values":
+            shown = True
+        elif view.name == "points":
             shown = point.station == view.station
         else:
             shown = view.name == "map" and point.is_position and self._on_map(point)
@@ -128,6 +133,8 @@ class Stream:
             self.waiting["stations"] |= linked
         if view in ("map", "points"):
             self.waiting["points"] |= changes.points.keys()
+        elif view == "values":
+            self._take_values(changes)
         self.commands |= {
             id_: command.view() for id_, command in changes.commands.items() if self.sees_point(command.point)
         }
@@ -135,6 +142,14 @@ class Stream:
             id_: alarm.view() for id_, alarm in changes.alarms.items() if self.sees(alarm.station)
         }
         self.something.set()
+
+    def _take_values(self, changes: Changes) -> None:
+        """Who is too slow for them is told the last ones."""
+        self.waiting["points"] |= changes.points.keys() - self.shown["points"]
+        self.values += [point for point in changes.values if self.sees(point.station)]
+        if len(self.values) > VALUES_MOST:
+            self.values = []
+            self.whole = self.looked = True
 
     def look(self, said: Any) -> None:
         """The page shows another view, and is told all of it once; or another part: what is new of it."""
@@ -158,6 +173,7 @@ class Stream:
             said["commands"] = [
                 command.view() for command in model.commands.values() if self.sees_point(command.point)
             ]
+            self.values = []
         else:
             said["alarms"] = list(self.alarms.values())
             said["commands"] = list(self.commands.values())
@@ -179,6 +195,9 @@ class Stream:
         if self.looked and self.view.name == "map":
             said |= self._extent()
         self.whole = self.looked = False
+        if self.view.name == "values":
+            said["values"] = [point.told() for point in self.values if point.id not in fresh]
+            self.values = []
         self.alarms, self.commands = {}, {}
         self.waiting = {kind: set() for kind in waiting}
         return said
@@ -229,7 +248,7 @@ class Stream:
                 return
             said = self.message()
             state = said["collects"], said["fault"]
-            if state != before or said.keys() & {"whole", "extent"} or any(said[kind] for kind in TOLD):
+            if state != before or said.keys() & {"whole", "extent"} or any(said.get(kind) for kind in TOLD):
                 await self.socket.send_json(said)
             before = state
-            await asyncio.sleep(PERIOD_S)
+            await asyncio.sleep(VALUES_PERIOD_S if self.view.name == "values" else PERIOD_S)

@@ -81,6 +81,10 @@ def fits(password: str, row: dict[str, bytes] | None) -> bool:
     return hmac.compare_digest(_hash(password, salt), row["hash"] if row else bytes(64)) and row is not None
 
 
+def exists(database: Database, name: str) -> bool:
+    return database.execute("SELECT 1 FROM users WHERE name = ?", (name,)).fetchone() is not None
+
+
 def begin(database: Database, user: str, label: str, seconds: float) -> str:
     """A new session or token; its secret, which nobody can read again."""
     secret = secrets.token_urlsafe(32)

@@ -97,7 +97,10 @@ REACH = [
         " tests/test_config.py tests/test_fuzz.py tests/test_installation.py",
     ),
     ("package/openrtu/src/*", f"{C} fuzzers {DESK} {ON_BOARD}"),
-    ("package/openrtu/python/*", "lint tests/test_foreign*.py tests/test_version.py"),
+    (
+        "package/openrtu/python/*",
+        "lint tests/test_foreign*.py tests/test_version.py tests/centre/test_centre_higher.py",
+    ),
     ("package/openrtu/openrtu.mk", f"test-image tests/test_version.py {ON_BOARD}"),
     ("package/openrtu/*", f"test-image {ON_BOARD}"),
     # the control centre
@@ -123,11 +126,11 @@ REACH = [
     ("scripts/lab/twin_show.py", "test-twin"),
     (
         "scripts/lab/manager.py",
-        "lint tests/test_snmp.py tests/test_reload*.py tests/test_show.py "
+        "lint tests/test_snmp.py tests/test_reload.py tests/test_reload_running.py tests/test_show.py "
         "tests/linux/test_system_tls.py",
     ),
     ("scripts/lab/managed.py", "lint tests/test_show.py tests/linux/test_run.py"),
-    ("scripts/lab/*", f"{DESK} test-netboot test-linux"),
+    ("scripts/lab/*", f"{DESK} test-netboot test-linux tests/centre/test_centre_higher.py"),
     ("scripts/nuc980/pins/*", "test-pins test-twin test-netboot test-linux tests/test_docs_commands.py"),
     ("scripts/nuc980-pins", "test-pins"),
     ("scripts/nuc980/netboot/slots/*", f"{NETBOOT} test-image"),
@@ -172,7 +175,7 @@ REACH = [
     ("tests/peers/*", f"{DESK} {ON_BOARD} test-netboot"),
     ("tests/desk.py", f"{DESK} {ON_BOARD}"),
     ("tests/bare.py", DESK),
-    ("tests/capture.py", DESK),
+    ("tests/capture.py", f"{DESK} tests/centre/test_centre_higher.py"),
     ("tests/changed.py", "tests/test_changed.py"),
     ("tests/logic_reference.py", "tests/test_logic.py tests/test_logic_findings.py"),
     ("tests/logic_findings.py", "tests/test_logic.py tests/test_logic_findings.py"),

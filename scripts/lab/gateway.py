@@ -158,6 +158,7 @@ class Gateway(Rtu):
         self.config_file.write_text(json.dumps(config, indent=2))
         self.rtuctl = [f"{self.build}/rtuctl/rtuctl", "--map", f"{self.map}"]
         self.process: subprocess.Popen[bytes] | None = None
+        self.options: list[str | Path] = []  # more of rtud
 
     def __enter__(self) -> Self:
         self.start()
@@ -171,7 +172,7 @@ class Gateway(Rtu):
         # Whoever shows or tests the gateway may be killed, or end with its terminal, which rtud does not.
         command = ["setpriv", "--pdeathsig", "TERM", self.build / "rtud" / "rtud"]
         command += ["--map", self.map, "--dev", self.dev]
-        command += ["--modules", self.build / "modules", self.config_file]
+        command += ["--modules", self.build / "modules", *self.options, self.config_file]
         with self.log_file.open("ab") as log:
             self.process = subprocess.Popen(command, stderr=log, stdin=subprocess.DEVNULL)
         try:

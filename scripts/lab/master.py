@@ -322,26 +322,33 @@ class Master(Monitor):
     ) -> None:
         """The operator's points are commands; what reports is the monitor's."""
 
-    def command(self, ca: int, ioa: int, type_name: str, info: Any) -> bool:
-        """Sends a direct command, as "C_SC_NA_1", c104.SingleCmd(True). True: confirmed positively."""
-        point, sent = self._sent(ca, ioa, type_name, info)
+    def command(self, ca: int, ioa: int, type_name: str, info: Any, *, select: bool = False) -> bool:
+        """Sends a command, as "C_SC_NA_1", c104.SingleCmd(True). True: confirmed positively.
+
+        select: c104 selects first, and executes once that is confirmed, which is what is told here.
+        """
+        point, sent = self._sent(ca, ioa, type_name, info, select)
         return self._confirmed(sent, point.type, ca, ioa)
 
     def command_to_its_end(self, ca: int, ioa: int, type_name: str, info: Any) -> bool:
-        """The same; if it was confirmed, it is terminated too, so that another command can follow."""
+        """A direct command; if it was confirmed, it is terminated too, so that another command can follow."""
         point, sent = self._sent(ca, ioa, type_name, info)
         confirmed = self._confirmed(sent, point.type, ca, ioa)
         if confirmed:
             self._await_terminated(sent, point.type, ca, ioa)
         return confirmed
 
-    def _sent(self, ca: int, ioa: int, type_name: str, info: Any) -> tuple[c104.Point, int]:
+    def _sent(
+        self, ca: int, ioa: int, type_name: str, info: Any, select: bool = False
+    ) -> tuple[c104.Point, int]:
         self.commands.add_station(common_address=ca)  # None where it is there already
         station = self.commands.get_station(ca)
         if station.get_point(ioa):
             station.remove_point(ioa)
         point = station.add_point(io_address=ioa, type=getattr(c104.Type, type_name))
         point.info = info
+        if select:
+            point.command_mode = c104.CommandMode.SELECT_AND_EXECUTE
         sent = self._raw_mark()
         point.transmit(cause=c104.Cot.ACTIVATION)
         return point, sent

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files of the control centre, read by a program of others (gpsbabel)."""
+"""Files of the control centre, read by programs of others (gpsbabel, GDAL)."""
 
 import csv
 import doctest
 import io
 import itertools
 import json
+import re
 import subprocess
 from pathlib import Path
 from xml.etree import ElementTree
@@ -81,6 +82,19 @@ def test_gpsbabel_reads_each(tmp_path: Path, form: str) -> None:
     places = [each for each in found.iter() if each.tag.partition("}")[2] in ("wpt", "trkpt", "rtept")]
     assert len(places) == 13
     assert {each.attrib["lat"][:4] for each in places} == {"44.8", "44.9", "45.0"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("form", ["gpx", "kml", "geojson"])
+def test_gdal_reads_each(tmp_path: Path, form: str) -> None:
+    """By its drivers QGIS does. The segments of the track, and the places in each."""
+    file = tmp_path / f"track.{form}"
+    file.write_text(written(form))
+    done = subprocess.run(["ogrinfo", "-ro", "-al", file], capture_output=True, text=True, check=True)
+    ways = re.findall(r"\([^()]*,[^()]*\)", "".join(re.findall("LINESTRING.*", done.stdout)))
+    assert [way.count(",") + 1 for way in ways] == [5, 4, 3]
+    assert re.search(r"POINT (Z )?\(20\.4 44\.8", done.stdout)
+    assert not done.stderr
 
 
 def lines(text: str) -> list[dict]:

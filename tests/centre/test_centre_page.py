@@ -368,3 +368,18 @@ def test_languages_theme_and_logout(page: Page) -> None:
     expect(page.locator("#name")).to_be_focused()
     page.reload()
     expect(page.locator("#name")).to_be_visible()
+
+
+def test_an_engineer_sees_the_frames_of_a_station(browser: Browser, site: Site) -> None:
+    made = browser.new_page(viewport={"width": 1100, "height": 700})
+    log_in(made, site.port, "emil", PASSWORD, "stations")
+    north = made.locator("tr", has=made.get_by_role("link", name="north"))
+    north.get_by_role("button", name="Trace").click()
+    expect(made.locator(".trace h2")).to_have_text("Trace: north")
+    north.get_by_role("button", name="Interrogate").click()
+    rows = made.locator(".trace tbody tr")
+    expect(rows.filter(has_text="C_IC_NA_1").filter(has_text="→").first).to_contain_text("act")
+    expect(rows.filter(has_text="C_IC_NA_1").filter(has_text="actterm").first).to_contain_text("←")
+    made.locator(".trace").get_by_role("button", name="Close").click()
+    expect(made.locator(".trace")).to_have_count(0)
+    made.close()

@@ -527,7 +527,7 @@ def check_records(linux: Linux, last: int) -> None:
         assert int(found[f"file{number % FILES}"]) >= number
 
 
-@pytest.mark.parametrize("cuts", [6, pytest.param(100, marks=pytest.mark.soak)])
+@pytest.mark.parametrize("cuts", [3, pytest.param(100, marks=pytest.mark.soak)])
 def test_what_was_synced_survives_power_cuts(
     boot: Boot, formatted: NandImage, extra_files: dict[str, Path | str], tmp_path: Path, cuts: int
 ) -> None:

@@ -215,6 +215,25 @@ def test_answer_of_the_host_is_not_held_back(console: Callable[..., Console]) ->
         assert usual_seconds(lambda: refused(at, server)) < ping + 0.25
 
 
+def test_prompt_leaves_the_host_its_processor(console: Callable[..., Console]) -> None:
+    """Between polls of an idle line the processor rests. One that does not gives nothing up by itself."""
+    machine = console().machine
+    thread = Path("/proc") / str(machine.command("query-cpus-fast")[0]["thread-id"])
+
+    def rests() -> int:
+        found = re.search(r"^voluntary_ctxt_switches:\s+(\d+)", (thread / "status").read_text(), re.MULTILINE)
+        assert found
+        return int(found[1])
+
+    def worked_s() -> float:
+        return int((thread / "schedstat").read_text().split()[0]) / 1e9
+
+    enough, start = rests() + 200, worked_s()
+    while rests() < enough:
+        assert worked_s() < start + 1.0
+        time.sleep(0.01)
+
+
 def test_phy_is_found(with_network: Console) -> None:
     configure(with_network, 0)
     assert "is alive" in with_network.run("ping 10.0.0.2")

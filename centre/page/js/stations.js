@@ -4,6 +4,7 @@ import { fill, h, Rows, setText, state } from "./dom.js";
 import * as live from "./live.js";
 import { empty } from "./points.js";
 import { stationState, UP } from "./quality.js";
+import { showTrace } from "./trace.js";
 import { age, t, time } from "./words.js";
 
 // enum iec104_closing, and the errno of a connection that was never made.
@@ -29,11 +30,18 @@ export function showStations(main) {
   const body = h("tbody");
   const none = h("div");
   const said = h("p", { class: "error", role: "alert" });
+  const tracing = h("div");
+  let endTrace = () => {};
   const search = h("input", { type: "search", placeholder: t("search"), "aria-label": t("search") });
   const headings = [["station"], ["group", "clutter"], ["link"], ["since"], ["reason", "clutter"], ["heard"], ["clock", "number clutter"], ["records", "number clutter"], ["sessions", "number clutter"], [""]];
   const table = h("table", {}, h("thead", {}, h("tr", {}, ...headings.map(([key, kind]) => h("th", { class: kind ?? "" }, key ? t(key) : "")))), body);
   main.append(h("div", { class: "page" }, h("section", { class: "card" },
-    h("div", { class: "row" }, h("h2", { class: "grow" }, t("stations")), said, search), h("div", { class: "scroll" }, table), none)));
+    h("div", { class: "row" }, h("h2", { class: "grow" }, t("stations")), said, search), h("div", { class: "scroll" }, table), none), tracing));
+
+  function trace(id) {
+    endTrace();
+    endTrace = showTrace(tracing, live.stations.get(id));
+  }
 
   async function interrogate(id) {
     setText(said, "");
@@ -62,7 +70,11 @@ export function showStations(main) {
         setText(records, String(station.records));
         setText(sessions, String(station.sessions));
         const can = station.link === UP && live.may("operator");
-        fill(act, String(can), () => (can ? h("button", { class: "small", onclick: () => interrogate(id) }, t("interrogate")) : []));
+        const sees = live.may("engineer");
+        fill(act, `${can} ${sees}`, () => [
+          ...(can ? [h("button", { class: "small", onclick: () => interrogate(id) }, t("interrogate"))] : []),
+          ...(sees ? [h("button", { class: "small", onclick: () => trace(id) }, t("trace"))] : []),
+        ]);
       },
     };
   });
@@ -81,6 +93,7 @@ export function showStations(main) {
   const tick = setInterval(update, 1000);
   live.look({ view: "stations" });
   return () => {
+    endTrace();
     unwatch();
     clearInterval(tick);
   };

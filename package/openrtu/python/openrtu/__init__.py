@@ -266,14 +266,19 @@ class Module:
         """Writes an own point, as good as the inputs read so far. Raises PointError, ValueError."""
         self.write(name, value)
 
-    def write(self, name: str, value: float, quality: Quality | None = None) -> None:
-        """Writes an own point; None: as good as the inputs read so far.
+    def write(
+        self, name: str, value: float, quality: Quality | None = None, time_ns: int | None = None
+    ) -> None:
+        """Writes an own point; no quality: as good as the inputs read so far.
 
+        time_ns: when what comes from elsewhere was acquired, as time.monotonic_ns(); with a quality only.
         Raises PointError, and ValueError for what the point cannot hold: it is then invalid.
         """
         point = self._find(name)
         if quality is None:
             result = self._library.openrtu_write(self._handle, point.number, value)
+        elif time_ns is not None:
+            result = self._library.openrtu_write_at(self._handle, point.number, value, quality, time_ns)
         else:
             result = self._library.openrtu_write_quality(self._handle, point.number, value, quality)
         if result == -errno.EPERM:

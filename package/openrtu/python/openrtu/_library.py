@@ -75,6 +75,10 @@ _FUNCTIONS: dict[str, tuple[object, list[object]]] = {
     "openrtu_read": (ctypes.c_int, [_HANDLE, ctypes.c_int, ctypes.POINTER(RawSample)]),
     "openrtu_write": (ctypes.c_int, [_HANDLE, ctypes.c_int, ctypes.c_double]),
     "openrtu_write_quality": (ctypes.c_int, [_HANDLE, ctypes.c_int, ctypes.c_double, ctypes.c_uint32]),
+    "openrtu_write_at": (
+        ctypes.c_int,
+        [_HANDLE, ctypes.c_int, ctypes.c_double, ctypes.c_uint32, ctypes.c_int64],
+    ),
     "openrtu_event_next": (ctypes.c_bool, [_HANDLE, ctypes.POINTER(RawEvent)]),
     "openrtu_events_lost": (ctypes.c_uint32, [_HANDLE]),
     "openrtu_request_next": (ctypes.c_bool, [_HANDLE, ctypes.POINTER(RawRequest)]),

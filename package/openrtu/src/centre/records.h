@@ -14,6 +14,7 @@ _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "the structures below 
 
 #define CENTRE_MAGIC         0x31555452u /* "RTU1" */
 #define CENTRE_NAME_SIZE     32          /* of a station, its zero included */
+#define CENTRE_OCTETS_SIZE   24          /* of a connection, in a record */
 #define CENTRE_REQUESTS_SIZE 2048        /* of a packet of requests at most */
 #define CENTRE_BATCH_MAX     1024        /* records: a batch fits the socket's usual buffer */
 
@@ -24,6 +25,7 @@ enum centre_kind {
 	CENTRE_POSITION,    /* a position */
 	CENTRE_PROGRESS,    /* a request has another state */
 	CENTRE_OTHER,       /* an ASDU that says none of these */
+	CENTRE_OCTETS,      /* of a connection that is traced, as they came or went */
 };
 
 enum centre_flag {
@@ -32,6 +34,8 @@ enum centre_flag {
 	CENTRE_TAGGED = 1u << 2,
 	CENTRE_TIME_INVALID = 1u << 3,
 	CENTRE_NEGATIVE = 1u << 4, /* P/N */
+	CENTRE_SENT = 1u << 5,     /* octets: to the station */
+	CENTRE_GAP = 1u << 6,      /* octets: some before them are left out */
 };
 
 enum centre_link {
@@ -60,6 +64,10 @@ struct centre_record {
 	uint32_t ioa;
 	union {
 		char name[CENTRE_NAME_SIZE]; /* CENTRE_STATION */
+		struct {
+			int64_t seen_ns;                    /* since 1970, UTC */
+			uint8_t octets[CENTRE_OCTETS_SIZE]; /* CENTRE_OCTETS; ca says how many */
+		};
 		struct {
 			int64_t received_ns; /* since 1970, UTC, by the clock of this machine */
 			int64_t wall_ns;     /* CENTRE_TAGGED: since 1970, UTC */
@@ -117,6 +125,7 @@ enum centre_request_kind {
 	CENTRE_SET_CLOCK,
 	CENTRE_TEST_COMMAND, /* value: the 16 bits that the station mirrors */
 	CENTRE_RESET,        /* qualifier: QRP */
+	CENTRE_TRACE,        /* the octets of its connections; value 1: from now on, 0: no more */
 };
 
 enum centre_request_flag {

@@ -21,7 +21,7 @@ bool centre_request_read(const uint8_t *octets, size_t size, struct centre_reque
 	if (size < sizeof(*out))
 		return false;
 	memcpy(out, octets, sizeof(*out));
-	return out->kind >= CENTRE_ACKNOWLEDGE && out->kind <= CENTRE_RESET && out->id != 0 &&
+	return out->kind >= CENTRE_ACKNOWLEDGE && out->kind <= CENTRE_TRACE && out->id != 0 &&
 	       (out->flags & ~(CENTRE_SELECT | CENTRE_WITH_TIME)) == 0 && is_zero(out) &&
 	       (out->kind == CENTRE_COMMAND || out->flags == 0);
 }

@@ -355,9 +355,45 @@ static void start(struct centre_station *station)
 	iec104_session_start(&station->controlling.session, station->centre->now.monotonic_ns);
 }
 
+/*
+ * Octets as they came or went. What a station may say needs its room; there are then at least as many records as octets of
+ * its buffers, but what a trace takes must be beside that.
+ */
+static void trace(struct centre_station *station, uint8_t direction, const uint8_t *octets, size_t size)
+{
+	struct centre *centre = station->centre;
+	size_t needed = (size_t)centre->config->receive_octets + CENTRE_RECORDS_BESIDE + size;
+
+	if (!station->traced || size == 0)
+		return;
+	if (centre->consumer < 0 || centre_batches_room(&centre->batches) < needed) {
+		station->gap = true;
+		return;
+	}
+	for (size_t at = 0, count; at < size; at += count) {
+		struct centre_record *record =
+		    add(centre, centre_config_place(centre->config, station->number), CENTRE_OCTETS);
+
+		count = size - at < CENTRE_OCTETS_SIZE ? size - at : CENTRE_OCTETS_SIZE;
+		record->flags = (uint8_t)(direction | (station->gap ? CENTRE_GAP : 0));
+		record->connection = station->connection;
+		record->ca = (uint16_t)count;
+		record->seen_ns = centre->now.wall_ns;
+		memcpy(record->octets, octets + at, count);
+		station->gap = false;
+	}
+}
+
 static void transmit(struct centre_station *station)
 {
-	channel_transmit_session(&station->channel, &station->controlling.session);
+	struct iec104_session *session = &station->controlling.session;
+	size_t size;
+	const uint8_t *octets = iec104_session_output(session, &size);
+
+	trace(station, CENTRE_SENT, octets + station->unwritten, size - station->unwritten);
+	channel_transmit_session(&station->channel, session);
+	iec104_session_output(session, &size);
+	station->unwritten = (uint16_t)size;
 	wait_for(station, channel_interest(&station->channel, &station->controlling.session));
 }
 
@@ -384,6 +420,7 @@ static void open_session(struct centre_station *station)
 	iec104_controlling_open(&station->controlling, &station->settings, &station->listener,
 				&station->memory, station->centre->now);
 	iec104_session_hold(&station->controlling.session);
+	station->unwritten = 0;
 	if (station->partner == NULL || !is_active(station->partner)) {
 		start(station);
 		return;
@@ -472,7 +509,12 @@ static void finish_connecting(struct centre_station *station)
 
 static void receive(struct centre_station *station)
 {
-	channel_receive_session(&station->channel, &station->controlling.session);
+	struct iec104_session *session = &station->controlling.session;
+	uint16_t before = (uint16_t)(session->input_end - session->input_begin);
+
+	channel_receive_session(&station->channel, session);
+	trace(station, 0, session->memory.input + session->input_begin + before,
+	      (size_t)(session->input_end - session->input_begin - before));
 }
 
 static void become_up(struct centre_station *station)
@@ -723,6 +765,12 @@ void centre_station_order(struct centre *centre, const struct centre_request *re
 		return;
 	}
 	station = &centre->stations[number];
+	if (request->kind == CENTRE_TRACE) {
+		station->traced = request->value.u == 1;
+		if (station->partner != NULL)
+			station->partner->traced = station->traced;
+		return;
+	}
 	if (station->partner != NULL && station->partner->link == CENTRE_UP)
 		station = station->partner;
 	result = try_order(station, request);
@@ -759,6 +807,7 @@ void centre_stations_begin(struct centre *centre)
 		station->due_ns = centre->now.monotonic_ns;
 		station->retry_ns = centre->config->retry_ns;
 		station->failed = station->slow = station->waits = false;
+		station->traced = station->gap = false;
 		schedule(station);
 	}
 }

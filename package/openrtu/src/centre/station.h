@@ -41,6 +41,8 @@ struct centre_station {
 	bool waits;      /* for a place */
 	bool slow;       /* its last poll was */
 	bool failed;     /* its last connection was not one */
+	bool traced;     /* its octets are told */
+	bool gap;        /* some were not, for want of room */
 	uint32_t events; /* of epoll, that are waited for */
 	uint32_t connection;
 	uint32_t connections; /* of the first link: so many were made to the station */
@@ -49,7 +51,8 @@ struct centre_station {
 	    due_ns; /* the next attempt; while connecting, the last moment for it; up, the next poll at the earliest */
 	int64_t retry_ns;
 	int64_t up_ns;
-	uint32_t poll; /* the request that is one */
+	uint16_t unwritten; /* octets of its session, at the last writing */
+	uint32_t poll;      /* the request that is one */
 	struct centre_order orders[IEC104_CONTROLLING_REQUESTS_MAX];
 	struct centre_record *last; /* that the ASDU at hand has said; NULL: nothing yet */
 	struct iec104_controlling_settings settings;

@@ -106,6 +106,8 @@ int openrtu_read(struct openrtu *rtu, int point, struct openrtu_sample *out);
 int openrtu_write(struct openrtu *rtu, int point, double value);
 /* The same with a quality of the caller's, whatever was read. */
 int openrtu_write_quality(struct openrtu *rtu, int point, double value, uint32_t quality);
+/* And with the time at which it was acquired, CLOCK_MONOTONIC, of what comes from elsewhere; the scan's if that is earlier. */
+int openrtu_write_at(struct openrtu *rtu, int point, double value, uint32_t quality, int64_t time_ns);
 
 /* ---- events ------------------------------------------------------------------------------ */
 

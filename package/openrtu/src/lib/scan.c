@@ -185,7 +185,7 @@ static void put(struct openrtu *rtu, int point, struct map_sample sample)
 	    (struct map_update){.point = rtu->points[point], .sample = sample};
 }
 
-static int write_sample(struct openrtu *rtu, int point, double value, uint8_t quality)
+static int write_sample(struct openrtu *rtu, int point, double value, uint8_t quality, int64_t time_ns)
 {
 	struct map_sample sample;
 
@@ -195,7 +195,7 @@ static int write_sample(struct openrtu *rtu, int point, double value, uint8_t qu
 		return -EPERM;
 	sample = rtu->samples[point];
 	sample.quality = quality;
-	sample.time_ns = rtu->now_ns;
+	sample.time_ns = time_ns;
 	if (value_of_number(type_of(rtu, point), value, &sample.value)) {
 		put(rtu, point, sample);
 		return 0;
@@ -207,14 +207,20 @@ static int write_sample(struct openrtu *rtu, int point, double value, uint8_t qu
 
 int openrtu_write(struct openrtu *rtu, int point, double value)
 {
-	return write_sample(rtu, point, value, inherited(rtu->seen));
+	return write_sample(rtu, point, value, inherited(rtu->seen), rtu->now_ns);
 }
 
 int openrtu_write_quality(struct openrtu *rtu, int point, double value, uint32_t quality)
 {
+	return openrtu_write_at(rtu, point, value, quality, rtu->now_ns);
+}
+
+int openrtu_write_at(struct openrtu *rtu, int point, double value, uint32_t quality, int64_t time_ns)
+{
 	if (quality & ~(uint32_t)QUALITIES)
 		return -EINVAL;
-	return write_sample(rtu, point, value, (uint8_t)quality);
+	return write_sample(rtu, point, value, (uint8_t)quality,
+			    time_ns < rtu->now_ns ? time_ns : rtu->now_ns);
 }
 
 static void publish(struct openrtu *rtu)
@@ -278,7 +284,7 @@ void scan_publish_initial(struct openrtu *rtu)
 
 		rtu->updates[i].point = MAP_NONE;
 		if (!publish_retained(rtu, i) && !isnan(initial))
-			write_sample(rtu, (int)(rtu->input_count + i), initial, MAP_GOOD);
+			write_sample(rtu, (int)(rtu->input_count + i), initial, MAP_GOOD, rtu->now_ns);
 	}
 	publish(rtu);
 }

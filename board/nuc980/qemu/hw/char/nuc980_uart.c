@@ -15,6 +15,7 @@
 #include "qemu/osdep.h"
 #include "chardev/char-serial.h"
 #include "hw/char/nuc980_uart.h"
+#include "hw/core/cpu.h"
 #include "hw/irq.h"
 #include "hw/misc/nuc980_unimp.h"
 #include "hw/qdev-clock.h"
@@ -23,6 +24,8 @@
 #include "hw/registerfields.h"
 #include "migration/vmstate.h"
 #include "qemu/log.h"
+#include "qemu/main-loop.h"
+#include "sysemu/cpu-timers.h"
 #include "trace.h"
 
 REG32(DAT, 0x00)
@@ -558,8 +561,13 @@ static int uart_can_receive(void *opaque)
 
 static void uart_receive(void *opaque, const uint8_t *buf, int size)
 {
+    NUC980UARTState *s = opaque;
+
     for (int i = 0; i < size; i++) {
         uart_from_far_end(opaque, buf[i]);
+    }
+    if (s->resting) {
+        qemu_cpu_kick(s->resting);
     }
 }
 
@@ -631,11 +639,48 @@ static uint64_t uart_read_reg(NUC980UARTState *s, hwaddr offset)
     }
 }
 
+/*
+ * A boot loader at its prompt reads the state of an idle line again and again.
+ * The host need not work for that: the processor rests, until something comes
+ * or for a moment. Not with -icount: the guest's time would stand still.
+ */
+#define POLLS_TO_REST   100
+#define REST_MS         1
+
+static bool uart_is_idle(NUC980UARTState *s)
+{
+    return fifo8_is_empty(&s->rx) && !s->wire_used && uart_sent_all(s);
+}
+
+static void uart_rest(CPUState *cpu, run_on_cpu_data data)
+{
+    NUC980UARTState *s = data.host_ptr;
+
+    if (uart_is_idle(s)) {
+        s->resting = cpu;
+        qemu_cond_timedwait_iothread(cpu->halt_cond, REST_MS);
+        s->resting = NULL;
+    }
+}
+
+static void uart_count_poll(NUC980UARTState *s, hwaddr offset)
+{
+    if (offset != A_FIFOSTS || !uart_is_idle(s)) {
+        s->polls = 0;
+    } else if (++s->polls >= POLLS_TO_REST) {
+        s->polls = 0;
+        if (current_cpu && !icount_enabled()) {
+            async_run_on_cpu(current_cpu, uart_rest, RUN_ON_CPU_HOST_PTR(s));
+        }
+    }
+}
+
 static uint64_t uart_read(void *opaque, hwaddr offset, unsigned size)
 {
     NUC980UARTState *s = opaque;
     uint64_t value = uart_read_reg(s, offset);
 
+    uart_count_poll(s, offset);
     trace_nuc980_uart_read(s->name, offset, value);
     return value;
 }
@@ -765,6 +810,7 @@ static void uart_write(void *opaque, hwaddr offset, uint64_t value,
     NUC980UARTState *s = opaque;
 
     trace_nuc980_uart_write(s->name, offset, value);
+    s->polls = 0;
     uart_write_reg(s, offset, value);
     uart_tx_start(s, uart_now());
     uart_rx_start(s, uart_now());

@@ -96,8 +96,11 @@ static struct http_answer send_list(struct list *list, uint32_t total)
 {
 	struct http_answer answer = {.status = MHD_HTTP_OK};
 
-	if (list == NULL || asprintf(&list->text, "{\"total\":%u,\"rows\":", total) < 0) {
-		free(list);
+	if (list == NULL)
+		return answer;
+	if (asprintf(&list->text, "{\"total\":%u,\"rows\":", total) < 0) {
+		list->text = NULL;
+		forget(list);
 		return answer;
 	}
 	list->size = strlen(list->text);

@@ -71,6 +71,9 @@ struct NUC980UARTState {
     uint16_t wire[NUC980_UART_WIRE]; /* sent by the far end, not yet here */
     uint32_t wire_head, wire_used;
 
+    unsigned polls;                 /* of an idle line's state, in a row */
+    CPUState *resting;              /* the processor that waits between them */
+
     uint32_t inject_parity, inject_framing, inject_break, inject_address;
     DECLARE_BITMAP(unimp_seen, NUC980_UART_REGS);
 };

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a higher centre sees of this one: a gateway's configuration, with our stations' points."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from centre.errors import CentreError
+from centre.model import Json
+from centre.records import Content
+from centre.settings import Meaning, Settings, StationSettings
+
+PROGRAM = Path(__file__).resolve().parent / "run-station"
+MODULE = "centre"
+PERIOD_MS = 100
+MEMORY_MB = 512  # of addresses; a Python with its libraries maps what it never touches
+HEARTBEAT_MS = 5000
+COMMAND_S = 10  # the oldest command that is carried out: of the gateway, and of centre.station
+POINTS_MOST = 1024  # of a module
+NAME_MOST = 39  # octets
+# Of an object, the point's type; a total is a number that was counted elsewhere.
+TYPES = {
+    Content.SINGLE: "single", Content.DOUBLE: "double", Content.STEP: "step", Content.BITS: "bitstring",
+    Content.NORMALIZED: "normalized",
+    Content.SCALED: "scaled", Content.FLOAT: "float", Content.TOTAL: "integer",
+}  # fmt: skip
+# A position is three points: the part of the point's view, and its type. Their addresses are so far apart.
+PART_ADDRESSES = 1_000_000
+PARTS = {"latitude": "angle", "longitude": "angle", "altitude": "float"}
+# What a module may be commanded with; regulating steps are for objects of devices alone.
+COMMANDS = {
+    "single": "single", "double": "double", "bits": "bitstring",
+    "normalized": "normalized", "scaled": "scaled", "float": "float",
+}  # fmt: skip
+
+
+def gateway(settings: Settings) -> tuple[Json, list[str]]:
+    """The configuration for rtud, and what of the lists cannot be told. Raises CentreError."""
+    higher = settings.higher
+    if not higher:
+        raise CentreError('centre: "higher" is missing: it says by which common address we are seen')
+    points: list[Json] = []
+    places: dict[str, list[str | int]] = {}
+    left_out = []
+    for station in settings.stations.values():
+        for (ca, ioa), meaning in sorted(station.points.items()):
+            if ca not in station.higher:
+                continue
+            made = list(_points(station, ca, ioa, meaning))
+            if not made:
+                left_out.append(f"{station.name}: {meaning.name}: its list says no type")
+            for point, place in made:
+                points.append(point)
+                places[point["name"]] = place
+    _check(points)
+    module = {
+        "name": MODULE,
+        "program": str(PROGRAM),
+        "period_ms": PERIOD_MS,
+        "heartbeat_limit_ms": HEARTBEAT_MS,
+        "memory_mb": MEMORY_MB,
+        "ca": higher.ca,
+        "points": points,
+        "config": {**higher.reached, "points": places},
+    }
+    commands = {**higher.gateway.get("commands", {}), "command_timeout": COMMAND_S}
+    return {
+        "clock": "system",
+        "port": [],
+        **higher.gateway,
+        "commands": commands,
+        "modules": [module],
+    }, left_out
+
+
+def _points(
+    station: StationSettings, ca: int, ioa: int, meaning: Meaning
+) -> Iterator[tuple[Json, list[str | int]]]:
+    """Of an object that has a type, or takes a command that says one: the points, where their values are."""
+    name = re.sub(r"[\s*?\[\]\\]", "-", f"{station.name}/{meaning.name}")
+    address = ioa + station.higher[ca]
+    place: list[str | int] = [station.name, ca, ioa]
+    if meaning.content == Content.POSITION:
+        for at, (part, type_) in enumerate(PARTS.items()):
+            yield (
+                {"name": f"{name}.{part}", "type": type_, "ioa": address + at * PART_ADDRESSES},
+                [*place, part],
+            )
+        return
+    type_ = TYPES.get(meaning.content) if meaning.content is not None else COMMANDS.get(meaning.command)
+    if not type_:
+        return
+    point: Json = {"name": name, "type": type_, "ioa": address}
+    if meaning.unit:
+        point["unit"] = meaning.unit
+    # A second person releases it here: nobody above can wait for that.
+    if COMMANDS.get(meaning.command) == type_ and not station.release:
+        point |= {"command": True, "select": meaning.selects}
+    yield point, [*place, "value"]
+
+
+def _check(points: list[Json]) -> None:
+    if not points:
+        raise CentreError('no station has "higher" with a common address of its list of points')
+    if len(points) > POINTS_MOST:
+        raise CentreError(
+            f"{len(points)} points are for the higher centre: a gateway's module has {POINTS_MOST}"
+        )
+    for key, what in (("name", "are called"), ("ioa", "have the address")):
+        seen: dict[str | int, str] = {}
+        for point in points:
+            other = seen.setdefault(point[key], point["name"])
+            if seen[point[key]] is not point["name"]:
+                raise CentreError(
+                    f"higher: {other} and {point['name']} {what} {point[key]}: "
+                    "give one station another number"
+                )
+    for point in points:
+        if len(point["name"].encode()) > NAME_MOST:
+            raise CentreError(
+                f"higher: {point['name']} is longer than {NAME_MOST} octets: shorten the station's name,"
+                " or the point's"
+            )

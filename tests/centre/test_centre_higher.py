@@ -1,0 +1,266 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What others see of a station by a centre.
+
+A city's centre: the town's is a controlled station of it, c104 is the city, a gateway's module is between. An
+engineer: the frames of a connection, as tshark sees them. A service of the web: where it is.
+"""
+
+import json
+import os
+import re
+import subprocess
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+import c104
+import pytest
+
+from capture import PORT, Connection, write_pcap
+from centre.apdu import CAUSES, NAMES, decode
+from centre.errors import CentreError
+from centre.higher import PROGRAM, gateway
+from centre.settings import load
+from control_room import POINTS, Site, Stations, described, until
+from lab.centre_client import AnswerError
+from lab.gateway import Gateway, default_build, free_port, listening_on, remove, run_directory
+from lab.master import Master, Report
+from lab.modules import library
+from lab.vehicles import M_ME_TF_1, POSITION, Station, measured, position
+
+CA, ADDED = 500, 1000
+PLACE, PUMP, LAMP, LEVEL = (ADDED + ioa for ioa in range(1, 5))
+LISTED = POINTS.replace("1,1,,,place", "1,1,position,,place")
+LONGITUDE = PLACE + 1_000_000
+BAD = "NonTopical+Invalid"  # and the last value that is known
+
+
+class Service(ThreadingHTTPServer):
+    """Of the web, which is out of order at first; it keeps what it was told."""
+
+    def __init__(self) -> None:
+        self.told: list[tuple[str | None, bytes]] = []
+        super().__init__(("127.0.0.1", 0), Telling)
+        threading.Thread(target=self.serve_forever, daemon=True).start()
+
+
+class Telling(BaseHTTPRequestHandler):
+    server: Service
+
+    def do_POST(self) -> None:
+        content = self.rfile.read(int(self.headers["Content-Length"]))
+        self.server.told.append((self.headers["Authorization"], content))
+        self.send_response(503 if len(self.server.told) == 1 else 204)
+        self.end_headers()
+
+    def log_message(self, *_: object) -> None:
+        """Nothing."""
+
+
+@dataclass
+class City:
+    """The higher centre, and what it sees."""
+
+    master: Master
+    gateway: Gateway
+    site: Site
+    service: Service
+
+    def sees(self, ioa: int) -> Report | None:
+        """As it was told last."""
+        told = [each for each in self.master.reports_since(0) if (each.ca, each.ioa) == (CA, ioa)]
+        return told[-1] if told else None
+
+    def wait(self, ioa: int, value: Any, quality: str = "good") -> Report:
+        def there() -> Report | None:
+            report = self.sees(ioa)
+            same = report and report.quality == quality and report.value == pytest.approx(value, rel=1e-6)
+            return report if same else None
+
+        return until(there, f"{ioa} is {value}, {quality}: {self.gateway.log(5)}")
+
+    def command(self, ioa: int, on: bool) -> bool:
+        return self.master.command(CA, ioa, "C_SC_NA_1", c104.SingleCmd(on=on), select=ioa == PUMP)
+
+
+@pytest.fixture(scope="module")
+def city(
+    programs: Path, stations: Stations, north: Station, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[City]:
+    folder = tmp_path_factory.mktemp("town")
+    higher = {"ca": CA, "token_file": "token", "gateway": listening_on({}, free_port())}
+    here = [described(north, folder, points=LISTED, higher={"1": ADDED})]
+    stations.say(north, 1, POSITION, position(int(time.time() * 1000), 44.8125, 20.4612))
+    service = Service()
+    (folder / "secret").write_text("a secret\n")
+    (folder / "secret").chmod(0o600)
+    url = f"http://127.0.0.1:{service.server_port}/here"
+    push = {"url": url, "period_s": 1, "token_file": "secret"}
+    directory = run_directory()
+    program = directory / "run-station"  # rtud gives a module no environment
+    program.write_text(f'#!/bin/sh\nOPENRTU_LIBRARY={library(default_build())} exec {PROGRAM} "$@"\n')
+    program.chmod(0o755)
+    with Site(
+        programs, folder, here, users=["olga", "emil"], centre={"higher": higher, "push": push}
+    ) as site:
+        (folder / "token").write_text(site.run("token", "olga", "--label", "the city"))
+        configuration = json.loads(site.run("station"))
+        configuration["modules"][0]["program"] = str(program)
+        made = Gateway(configuration, directory)
+        if os.geteuid() == 0:  # this Python is where only root may be
+            made.options = ["--uid-base", "0"]
+        with made, Master(*made.address) as master:
+            master.interrogate(CA)
+            yield City(master, made, site, service)
+    service.shutdown()
+    service.server_close()
+    remove(directory)
+
+
+def test_the_city_sees_the_towns_points(city: City, stations: Stations, north: Station) -> None:
+    """Value, quality and the station's time; a change and back within one scan are two events."""
+    city.wait(PLACE, 44.8125)
+    city.wait(LONGITUDE, 20.4612)
+    at_ms = int(time.time() * 1000) - 5000
+    mark = city.master.mark()
+    stations.say(north, 4, M_ME_TF_1, measured(at_ms, 1.5))
+    stations.say(north, 4, M_ME_TF_1, measured(at_ms + 7, 2.5))
+    stations.say(north, 4, M_ME_TF_1, measured(at_ms + 9, 1.5, 0x10))
+    city.wait(LEVEL, 1.5, "Blocked")
+    events = [
+        each for each in city.master.reports_since(mark) if each.ioa == LEVEL and each.cause == "SPONTANEOUS"
+    ][-3:]
+    assert [(each.value, each.quality) for each in events] == [(1.5, "good"), (2.5, "good"), (1.5, "Blocked")]
+    times = [each.recorded_at.timestamp() * 1000 for each in events if each.recorded_at]
+    assert times == pytest.approx([at_ms, at_ms + 7, at_ms + 9], abs=2)
+
+
+def test_a_service_is_told_where_the_vehicle_is(city: City) -> None:
+    """As GPX, once more when it had not taken it, and only what is new."""
+    told = city.service.told
+    until(lambda: len(told) >= 2, "it is told again")
+    authorization, content = told[1]
+    assert authorization == "Bearer a secret"
+    assert re.findall(rb'<wpt lat="([\d.]+)" lon="([\d.]+)".*<name>(\w+)</name>', content) == [
+        (b"44.8125000", b"20.4612000", b"north")
+    ]
+    assert told[0][1] == content
+    assert "it answers 503" in city.site.log()
+
+
+def test_commands_go_down_to_the_station(city: City, north: Station) -> None:
+    """The pump is selected there and executed; the lamp takes none, or says nothing."""
+    assert city.command(PUMP, True)
+    until(lambda: north.commanded[-1:] == [(2, 1)], "the pump is commanded")
+    city.wait(PUMP, True)
+    north.manner = "refuse"
+    try:
+        assert not city.command(LAMP, True)
+    finally:
+        north.manner = "done"
+    assert {row[0] for row in city.site.rows('SELECT "user" FROM commands')} == {"olga"}
+
+
+def test_nothing_waits_for_a_station_that_is_away(city: City, stations: Stations, north: Station) -> None:
+    city.wait(PUMP, True)
+    stations.do(north.stop())
+    city.wait(PUMP, True, BAD)
+    before = list(north.commanded)
+    assert not city.command(LAMP, True)
+    stations.do(north.listen())
+    city.wait(PUMP, True)
+    assert north.commanded == before
+    assert city.command(LAMP, True)
+
+
+def test_a_centre_that_is_gone_is_seen(city: City, north: Station) -> None:
+    """Its points are invalid; when it is back they are told again."""
+    city.wait(PUMP, True)
+    city.site.kill(city.site.centre)
+    city.wait(PUMP, True, BAD)
+    before = list(north.commanded)
+    assert not city.command(PUMP, False)
+    city.site.start_centre()
+    city.wait(PUMP, True)
+    assert north.commanded == before
+
+
+def tshark(frames: list[dict[str, Any]], pcap: Path) -> list[list[str]]:
+    """Type, cause, common address and addresses of each, by another program."""
+    carried = Connection("", [(not frame["sent"], bytes.fromhex(frame["octets"])) for frame in frames])
+    with pcap.open("wb") as file:
+        write_pcap(file, [carried])
+    fields = [f"-eiec60870_asdu.{name}" for name in ("typeid", "causetx", "addr", "ioa", "float")]
+    command = ["tshark", "-r", pcap, "-d", f"tcp.port=={PORT},iec60870_104", "-T", "fields", *fields]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return [line.split("\t") for line in done.stdout.splitlines()]
+
+
+def test_an_engineer_sees_the_frames(city: City, stations: Stations, north: Station, tmp_path: Path) -> None:
+    """On demand, and nobody else; both directions; what tshark says of the same octets is the same."""
+    emil, olga = city.site.client("emil"), city.site.client("olga")
+    with pytest.raises(AnswerError, match="403"):
+        olga.get("/api/stations/1/trace")
+    until(lambda: emil.get("/api/stations/1/trace") == [], "it is traced")
+    stations.say(north, 4, M_ME_TF_1, measured(int(time.time() * 1000), 3.25))
+    stations.say(north, 1, POSITION, position(int(time.time() * 1000), -33.5, 151.25))
+    olga.post("/api/stations/1/interrogate")
+
+    def seen() -> list[dict[str, Any]] | None:
+        frames = emil.get("/api/stations/1/trace")
+        return frames if any(frame.get("cause") == "actterm" for frame in frames) else None
+
+    frames = until(seen, "an interrogation has ended")
+    for frame, (type_, cause, ca, ioas, floats) in zip(
+        frames, tshark(frames, tmp_path / "pcap"), strict=True
+    ):
+        if frame["kind"] != "I":
+            assert not type_
+            continue
+        assert NAMES[int(type_)] == frame["type"]
+        assert CAUSES[int(cause)] == frame["cause"]
+        assert (int(ca), ioas) == (frame["ca"], ",".join(str(ioa) for ioa, _ in frame["objects"]))
+        assert not floats or frame["objects"][0][1].startswith(f"{float(floats):g}")
+    told = [(frame["sent"], frame["type"], text) for frame in frames for _, text in frame.get("objects", [])]
+    assert (True, "C_IC_NA_1", "20") in told
+    assert any(type_ == "M_ME_TF_1" and text.startswith("3.25 20") for _, type_, text in told)
+    assert any(text.startswith("-33.5000000 151.2500000 0 m fix 1, 9 satellites") for _, _, text in told)
+    assert emil.get(f"/api/stations/1/trace?after={frames[-1]['number']}") == []
+    assert ("emil", "trace") in city.site.rows('SELECT "user", action FROM audit')
+
+
+def test_frames_that_are_none_are_told_as_they_are() -> None:
+    """Cut at every octet, of every type, with more objects than there are."""
+    for type_ in range(256):
+        whole = bytes([0x68, 50, 2, 0, 4, 0, type_, 127, 0x83, 0, 1, 0, *range(40)])
+        for size in range(len(whole)):
+            decode(whole[:size])
+    assert decode(bytes.fromhex("680401000a00")).what == "5"
+    assert decode(bytes.fromhex("680443000000")).what == "TESTFR act"
+    two = decode(bytes.fromhex("6814000000000d82030001000100000000803f900000004080"))
+    assert two.objects == [(1, "1 BL IV"), (2, "2 IV")]
+
+
+def test_what_cannot_be_told_is_refused(tmp_path: Path) -> None:
+    """Two points of one address, no station at all, a name that is too long."""
+
+    def told(points: str, **keys: Any) -> Any:
+        (tmp_path / "p.csv").write_text("ca,ioa,type,name\n" + points)
+        station = {"name": "north", "points": "p.csv", **keys}
+        content = {"stations": [station], "centre": {"higher": {"ca": 7, "token_file": "t"}}}
+        (tmp_path / "c.json").write_text(json.dumps(content))
+        return gateway(load(tmp_path / "c.json"))
+
+    with pytest.raises(CentreError, match="have the address 6: "):
+        told("1,1,M_SP_NA_1,a\n2,2,M_SP_NA_1,b\n", higher={"1": 5, "2": 4})
+    with pytest.raises(CentreError, match="no station"):
+        told("1,1,M_SP_NA_1,a\n")
+    with pytest.raises(CentreError, match="longer than 39"):
+        told(f"1,1,M_SP_NA_1,{'a' * 34}\n", higher={"1": 0})
+    configuration, left_out = told("1,1,,a\n1,2,M_SP_NA_1,b b\n", higher={"1": 0})
+    assert [point["name"] for point in configuration["modules"][0]["points"]] == ["north/b-b"]
+    assert left_out == ["north: a: its list says no type"]
