@@ -283,6 +283,10 @@ build/net-snmp/done: scripts/build-net-snmp.sh build/net-snmp/debian.dsc $(SYSRO
 	$(LOGGED) net-snmp scripts/build-net-snmp.sh build/net-snmp/debian $(@D)
 	@touch $@
 
+build/net-snmp-agent/done: build/net-snmp/done
+	$(LOGGED) net-snmp-agent scripts/build-net-snmp.sh build/net-snmp/debian $(@D) agent
+	@touch $@
+
 build/libmicrohttpd/done: scripts/build-libmicrohttpd.sh build/libmicrohttpd/debian.dsc $(SYSROOT)
 	$(LOGGED) libmicrohttpd scripts/build-libmicrohttpd.sh build/libmicrohttpd/debian $(@D)
 	@touch $@
@@ -567,7 +571,7 @@ bench-polls: build $(TESTED) ## Maintain: of the bench the polls of positions an
 bench-map: build centre-page build/packages-centre.done $(TESTED) ## Maintain: frames a second of the control centre's map
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/frames.py
 
-bench: build qemu uboot $(VENV) ## Maintain: measure ours beside what else does the same (docs/bench.md; LIB60870=folder)
+bench: build qemu uboot build/root/gateway-tls.done build/net-snmp-agent/done $(VENV) ## Maintain: measure ours beside what else does the same (docs/bench.md; LIB60870=folder)
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/bench.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/stations.py $(if $(LIB60870),--lib60870 '$(LIB60870)')
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/lines.py

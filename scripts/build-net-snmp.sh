@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-3.0-or-later
-# build-net-snmp.sh DEBIAN FOLDER: Net-SNMP's library for the gateway board, from Debian's unpacked source.
+# build-net-snmp.sh DEBIAN FOLDER [agent]: Net-SNMP's library for the gateway board, from Debian's unpacked source.
+# With "agent" it is built with its own agent for `make bench`, in FOLDER/build, and goes nowhere.
 #
 # Debian's own package brings libperl, libsensors and libpci. rtu-snmp needs BER, USM and sessions over UDP, and has them in
 # itself: neither an agent, nor MIBs that are read at run time, nor programs are built.
@@ -9,6 +10,7 @@ set -euo pipefail
 
 debian=$(realpath -e "$1")
 folder=$(realpath -m "$2")
+agent=${3:-}
 tree=$(realpath -e "$(dirname "$0")/..")
 sysroot=$tree/build/arm-sysroot
 prefix=${CROSS_COMPILE:-arm-linux-gnueabi-}
@@ -21,6 +23,9 @@ options=("--host=${prefix%-}" --prefix=/usr --enable-static --disable-shared --w
 	--disable-embedded-perl --without-perl-modules --disable-debugging --disable-snmpv1 --disable-snmpv2c
 	--with-openssl --enable-blumenthal-aes --with-transports=UDP --with-security-modules=usm --without-rpm --without-libwrap --without-zlib --without-nl
 	--enable-ipv6 --with-endianness=little --with-logfile=none --with-persistent-directory=/var/lib/snmp)
+
+[ -z "$agent" ] || options+=(--enable-agent --enable-mini-agent --enable-snmpv1 --enable-snmpv2c
+	"--with-mib-modules=snmpv3mibs mibII/vacm_vars mibII/vacm_conf")
 
 inputs() {
 	echo "$debian $prefix $cflags ${options[*]}"
@@ -36,6 +41,7 @@ build() {
 	CC="${prefix}gcc" AR="${prefix}ar" RANLIB="${prefix}ranlib" CFLAGS="$cflags" LDFLAGS="--sysroot=$sysroot" \
 		PKG_CONFIG=false ./configure "${options[@]}"
 	make --jobs="$(nproc)" -C snmplib
+	[ -z "$agent" ] || make --jobs="$(nproc)" -C agent libnetsnmpagent.la libnetsnmpmibs.la
 	# Its own target for that configures once more.
 	mkdir -p "$folder/root/usr/include"
 	cp -R include/net-snmp "$folder/root/usr/include/"
@@ -56,4 +62,4 @@ if ! [[ -e $folder/inputs && $(inputs) == "$(<"$folder/inputs")" ]]; then
 	(build)
 	inputs >"$folder/inputs"
 fi
-cp -R "$folder/root/." "$sysroot/"
+[ -n "$agent" ] || cp -R "$folder/root/." "$sysroot/"

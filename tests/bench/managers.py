@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import emulated
 import station_contenders
 from bare_client import BenchError, Client, interrogate
 from pysnmp.hlapi.v3arch.asyncio import (
@@ -45,6 +46,7 @@ REPETITIONS = 12  # rows of three columns that fit into a message of 1 472 octet
 EVENTS, RATES = 4000, (1000, 2000, 4000)
 COLUMNS = ("Value", "Quality", "Time")
 TABLES = [[oid(f"rtu{base}{column}") for column in COLUMNS] for base in ("Single", "Measured")]
+ENTRY = [f"{oid('rtuMeasuredTable')}.1.{column}" for column in (1, 2, 3)]  # of the contender
 IMAGE = [[oid(f"rtuImage{column}") for column in ("Event", "Data")]]
 
 
@@ -103,7 +105,9 @@ class Asker:
 
 
 @contextlib.contextmanager
-def ours(points: int, folder: Path, sink_port: int) -> Iterator[tuple[Gateway, int]]:
+def ours(
+    points: int, folder: Path, sink_port: int, build: Path | None = None
+) -> Iterator[tuple[Gateway, int]]:
     """rtud, rtu-iec104 and rtu-snmp, with the source of events as rtu-modbus; the agent's port."""
     port = free_udp_port()
     sizes = dict(zip(station_contenders.SIZE, SIZES[points], strict=True))
@@ -115,11 +119,12 @@ def ours(points: int, folder: Path, sink_port: int) -> Iterator[tuple[Gateway, i
     snmp = {"address": "127.0.0.1", "port": port, "users": users, "sinks": [sink], "rate": 100000}
     config["snmp"] = snmp | {"keys": str(folder / "keys"), "state": str(folder / "state")}
     make_keys(config, folder)
-    build = folder / "build"
-    (build / "modules").mkdir(parents=True)
-    for name in ("rtud", "rtuctl", "modules/rtu-iec104", "modules/rtu-snmp"):
-        (build / name).symlink_to(default_build().resolve() / name)
-    (build / "modules/rtu-modbus").symlink_to(event_source().resolve())
+    if build is None:
+        build = folder / "build"
+        (build / "modules").mkdir(parents=True)
+        for name in ("rtud", "rtuctl", "modules/rtu-iec104", "modules/rtu-snmp"):
+            (build / name).symlink_to(default_build().resolve() / name)
+        (build / "modules/rtu-modbus").symlink_to(event_source().resolve())
     with Gateway(config, folder, build) as gateway:
         gateway.wait_for(lambda: next(iter(gateway.points().values()))["quality"] == "good", 10, "good")
         gateway.wait_for(lambda: gateway.modules()["rtu-snmp"]["alive"], 10, "the agent runs")
@@ -127,10 +132,10 @@ def ours(points: int, folder: Path, sink_port: int) -> Iterator[tuple[Gateway, i
 
 
 @contextlib.contextmanager
-def theirs(rows: int, folder: Path) -> Iterator[tuple[int, int]]:
+def theirs(rows: int, folder: Path, program: Path | None = None) -> Iterator[tuple[int, int]]:
     """The contender's process and port."""
     port = free_udp_port()
-    command = [event_source().with_name("default_agent"), str(port), str(rows)]
+    command = [program or event_source().with_name("default_agent"), str(port), str(rows)]
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment(folder)
     )
@@ -147,14 +152,14 @@ def theirs(rows: int, folder: Path) -> Iterator[tuple[int, int]]:
 # ---- what is measured ----------------------------------------------------------------------------
 
 
-def cost(pid: int, ask: Callable[[], object], rounds: int) -> Spread:
+def cost(read: Callable[[], float], ask: Callable[[], object], rounds: int, unit: str = "ms") -> Spread:
     ask()
     found = []
     for _ in range(rounds):
-        begun = cpu_ms(pid)
+        begun = read()
         ask()
-        found.append(cpu_ms(pid) - begun)
-    return Spread("ms", found)
+        found.append(read() - begun)
+    return Spread(unit, found)
 
 
 def expect(found: int, wanted: int) -> None:
@@ -170,30 +175,60 @@ def interrogations(points: int, rounds: int) -> Iterator[tuple[str, Any]]:
             agent, station = (pids[name]["pid"] for name in ("rtu-snmp", "rtu-iec104"))
             rows, requests = asker.interrogate(TABLES)
             expect(rows, points)
-            tables = cost(agent, lambda: asker.interrogate(TABLES), rounds)
+            tables = cost(lambda: cpu_ms(agent), lambda: asker.interrogate(TABLES), rounds)
             yield f"GI of {points} by tables, {requests} requests", tables
             _, requests = asker.interrogate(IMAGE)
-            image = cost(agent, lambda: asker.interrogate(IMAGE), rounds)
+            image = cost(lambda: cpu_ms(agent), lambda: asker.interrogate(IMAGE), rounds)
             yield f"GI of {points} by image, {requests} requests", image
             client = Client(gateway.address)
             yield (
                 f"GI of {points} by IEC 60870-5-104",
-                cost(station, lambda: interrogate(client, points), rounds),
+                cost(lambda: cpu_ms(station), lambda: interrogate(client, points), rounds),
             )
             client.socket.close()
             asker.close()
             yield f"memory of rtu-snmp with {points}", memory_of(agent)
         with theirs(points, folder) as (agent, port):
             asker = Asker(port)
-            entry = [f"{oid('rtuMeasuredTable')}.1.{column}" for column in (1, 2, 3)]
-            rows, requests = asker.interrogate([entry])
+            rows, requests = asker.interrogate([ENTRY])
             expect(rows, points)
-            other = cost(agent, lambda: asker.interrogate([entry]), rounds)
+            other = cost(lambda: cpu_ms(agent), lambda: asker.interrogate([ENTRY]), rounds)
             asker.close()
             yield f"GI of {points}, Net-SNMP's table helper, {requests} requests", other
             yield "of that: ours by tables, by image", f"{ratio(tables, other)}, {ratio(image, other)}"
     finally:
         remove(folder)
+
+
+def counted(points: int, rounds: int) -> Iterator[tuple[str, Any]]:
+    """The same as code for the board, under QEMU: they are as many whatever else this machine does."""
+    folder = run_directory()
+    programs = emulated.Emulated(folder / "arm")
+    unit = "million instructions"
+
+    def of(name: str, ask: Callable[[], object]) -> Spread:
+        return cost(lambda: programs.millions(name), ask, rounds, unit)
+
+    try:
+        programs.add_gateway()
+        with ours(points, folder, free_udp_port(), programs.folder) as (gateway, port):
+            asker = Asker(port)
+            tables = of("rtu-snmp", lambda: asker.interrogate(TABLES))
+            image = of("rtu-snmp", lambda: asker.interrogate(IMAGE))
+            client = Client(gateway.address)
+            station = of("rtu-iec104", lambda: interrogate(client, points))
+            client.socket.close()
+            asker.close()
+        with theirs(points, folder, programs.add_agent()) as (_, port):
+            asker = Asker(port)
+            other = of("default_agent", lambda: asker.interrogate([ENTRY]))
+            asker.close()
+    finally:
+        remove(folder)
+    yield f"ARMv5: GI of {points} by tables", f"{tables}, {ratio(tables, other)} of the table helper"
+    yield f"ARMv5: GI of {points} by image", f"{image}, {ratio(image, other)}"
+    yield f"ARMv5: GI of {points} by IEC 60870-5-104", station
+    yield f"ARMv5: GI of {points}, Net-SNMP's table helper", other
 
 
 def ratio(one: Spread, other: Spread) -> str:
@@ -244,7 +279,7 @@ def main() -> int:
     quick = parser.parse_args().quick
     sizes, rounds = ([1000], QUICK_ROUNDS) if quick else (list(SIZES), ROUNDS)
     needed = (default_build() / "modules/rtu-snmp", event_source().with_name("default_agent"))
-    missing = [file for file in needed if not file.exists()]
+    missing = [file for file in needed if not file.exists()] + ([] if quick else emulated.missing())
     if missing:
         print(
             f"not built: {', '.join(map(str, missing))}; type `make bench`, which builds it", file=sys.stderr
@@ -256,6 +291,9 @@ def main() -> int:
         print(f"\n{head}\n\n| of SNMPv3 | |\n|---|---|")
         for points in sizes:
             for text, value in interrogations(points, rounds):
+                print(f"| {text} | {value} |", flush=True)
+        for points in [] if quick else sizes:
+            for text, value in counted(points, rounds):
                 print(f"| {text} | {value} |", flush=True)
         for text, value in informs(RATES[:1] if quick else RATES):
             print(f"| {text} | {value} |", flush=True)
