@@ -270,9 +270,9 @@ static int by_name(const void *a, const void *b, void *context)
 /* Clients see data sets in the order of their names. */
 static void sort(struct chosen *chosen)
 {
-	struct iec61850_data_set *sets = chosen->sets.records, sorted[IEC61850_DATA_SETS_MAX];
+	struct iec61850_data_set *sets = chosen->sets.records, sorted[IEC61850_DATA_SETS_MAX] = {0};
 	struct iec61850_report *reports = chosen->reports.records;
-	uint16_t order[IEC61850_DATA_SETS_MAX], now[IEC61850_DATA_SETS_MAX];
+	uint16_t order[IEC61850_DATA_SETS_MAX], now[IEC61850_DATA_SETS_MAX] = {0};
 	const uint32_t count = chosen->sets.count;
 
 	for (uint32_t i = 0; i < count; i++)
