@@ -270,7 +270,7 @@ def test_mistakes_in_the_file(programs: Path, tmp_path: Path, receiver: dict[str
 
 @pytest.mark.slow
 def test_time_reaches_chrony(programs: Path, directory: Path, chrony: Path) -> None:
-    """As a source that chronyd uses, 2 s behind its clock; it runs as a user and touches no clock."""
+    """As a source that chronyd uses, 2 s behind its clock, which it does not touch."""
     socket_ = directory / "clock"
     settings = directory / "chrony.conf"
     settings.write_text(
