@@ -3,7 +3,8 @@
 # build-chrony.sh DEBIAN FOLDER: chrony for the gateway board, from Debian's unpacked source.
 #
 # Debian's own package would bring GnuTLS for NTS, 5 MB of libraries that nothing else names. What is left out here is what
-# a client without a clock of its own does not need, but for a receiver of rtu-gps (refclock SOCK); libcap stays, so that it runs as a user with CAP_SYS_TIME alone.
+# a client without a clock of its own does not need. A receiver's time comes by a socket (refclock SOCK); libcap stays, so that
+# it runs as a user with CAP_SYS_TIME alone.
 # FOLDER/root gets usr/sbin/chronyd and usr/bin/chronyc, stripped.
 set -euo pipefail
 
