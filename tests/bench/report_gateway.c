@@ -20,6 +20,7 @@
 #define POINTS_MAX   20 /* of one table: both kinds of ASDU hold twice as many objects */
 #define TABLES       4
 #define UNIT_OF_CA   1000 /* CA = 1000 * port + unit */
+#define RESPONSE_S   10
 
 #define START       0x68
 #define APCI_SIZE   4 /* the control field */
@@ -320,6 +321,10 @@ static bool parse_stations(struct gateway *gateway, char **texts, int count)
 static modbus_t *open_line(const char *device, int baud, int stop_bits)
 {
 	modbus_t *line = modbus_new_rtu(device, baud, 'N', 8, stop_bits);
+
+	/* libmodbus' half a second is no time for a device on a busy host; one that answers does not take longer for it. */
+	if (line)
+		modbus_set_response_timeout(line, RESPONSE_S, 0);
 
 	return line && modbus_connect(line) == 0 ? line : NULL;
 }
