@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from image.manifest import Refused, judge_device_tree, main, read_limits, ubi_crc
@@ -299,6 +299,7 @@ def test_copy_for_the_network_is_judged_too(output: Output) -> None:
     assert output.judge() == 1
 
 
+@settings(deadline=None)
 @given(at=st.integers(0, 500), cut=st.integers(0, 500), value=st.binary(min_size=1, max_size=8))
 def test_damaged_tree_is_refused_or_read(at: int, cut: int, value: bytes, tree: bytes) -> None:
     damaged = bytearray(tree[: len(tree) - cut])
