@@ -732,6 +732,8 @@ def described() -> Iterator[tuple[str, str, dict[str, Any]]]:
         "outstations_tls",
         "outstation_set",
         "outstation_point",
+        "data_set",
+        "report",
         "redundancy_group",
         "modbus",
         "module",
