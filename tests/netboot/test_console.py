@@ -299,7 +299,7 @@ def test_hook_that_lasts_longer_than_autoboot_does_not_miss_it() -> None:
 @pytest.mark.slow
 def test_hook_is_tried_three_times_when_autoboot_is_missed() -> None:
     def third(board: Board) -> Life:
-        yield from (UBoot() if board.power_ups == 3 else deaf)(board)
+        yield from (UBoot(delay=60) if board.power_ups == 3 else deaf)(board)
 
     def deaf(board: Board) -> Life:
         yield BANNER
@@ -307,13 +307,13 @@ def test_hook_is_tried_three_times_when_autoboot_is_missed() -> None:
 
     board = Board(third)
     with pty(board) as (at, told):
-        at.reach(board.power_cycle, patience=5.0)
+        at.reach(board.power_cycle, patience=60.0)
     assert board.power_ups == 3
     assert sum("Once more" in text for text in told) == 2
 
     board = Board(deaf)
     with pty(board) as (at, _), pytest.raises(AutobootMissed):
-        at.reach(board.power_cycle, patience=5.0)
+        at.reach(board.power_cycle, patience=60.0)
     assert board.power_ups == 3
 
 
