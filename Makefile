@@ -8,7 +8,7 @@ SHELL := bash
 MAKEFLAGS += --no-print-directory
 # Containers set it to stay small. Here each of some thousand starts of Python would compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
-.PHONY: help setup build centre centre-page install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot image-offline source unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-sanitizers test-native test-changed test busy soak lab run run-native twin bench bench-polls bench-map clean netboot distclean
+.PHONY: help setup build centre centre-page install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot image-offline source unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-debug-kernel test-sanitizers test-native test-changed test busy soak lab run run-native twin bench bench-polls bench-map clean netboot distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -487,11 +487,15 @@ test-station test-lines test-gateway test-bench test-pins test-image test-netboo
 	$(AREA)
 
 test-linux: WORKERS := 2 # a guest that starts fills a core
-test-linux: linux linux-debug image-debian build/swupdate/done build/curl/done lab qemu uboot build build/arm/build.ninja $(TESTED) ## Test: Linux on the emulated board
+test-linux: linux image-debian build/swupdate/done build/curl/done lab qemu uboot build build/arm/build.ninja $(TESTED) ## Test: Linux on the emulated board
 	$(LOGGED) arm ninja -C build/arm logic/logic-desk
 	scripts/build-dtb.sh $(DTS) build/dtb/GATEWAY_PDMA=1/nuc980-gateway.dtb GATEWAY_PDMA=1
 	$(MAKE) image-debian SITE=tests/linux/site-tls
 	$(AREA)
+
+# A kernel and boots of its own that take as long as an area: the drivers change seldom.
+test-debug-kernel: linux-debug image-debian qemu uboot build $(TESTED) ## Test: the drivers on a kernel that watches itself, half an hour
+	$(PYTHON) -m pytest -m soak tests/linux/test_debug_kernel.py
 
 test-sanitizers: build .asan $(TESTED) ## Test: the gateway's tests, its modules under AddressSanitizer and UBSan
 	OPENRTU_BUILD=build/asan $(PYTEST) $(UNDER_SANITIZERS)
@@ -507,10 +511,10 @@ test-changed: $(VENV) ## Test: what a change can reach, and why (BASE=commit: si
 # time. The tests themselves run one part after another: two cores with more than three workers make tests late.
 SHARED     := build qemu uboot centre-page build/packages-deb.done build/packages-centre.done build/sysroot.ini \
   build/gpsd/done build/chronyd/done build/mibs/done
-ONLY_LINUX := linux linux-debug build/swupdate/done build/curl/done $(SYSTEM_PARTS) build/root/gateway-tls.done
+ONLY_LINUX := linux build/swupdate/done build/curl/done $(SYSTEM_PARTS) build/root/gateway-tls.done
 PARTS      := lint unit asan cross fuzzers test-sanitizers test-native
 
-test: $(VENV) ## Test: all but soak; then what it cost and what failed
+test: $(VENV) ## Test: all but soak and test-debug-kernel; then what it cost and what failed
 	rm -rf build/times
 	mkdir -p build/log; failed=; parts=; begun=0; \
 	ended() { parts+="$$(printf '\n%6d s  %s' $$((SECONDS - begun)) "$$1")"; begun=$$SECONDS; }; \
@@ -534,7 +538,7 @@ TIMES := 20
 busy: $(VENV) ## Test: the shows and test-quick beside busy processes (BUSY=8, TIMES=20, TARGETS=)
 	$(PYTHON) tests/busy.py --processes $(BUSY) --times $(TIMES) $(TARGETS)
 
-soak: build qemu uboot linux image-debian build/swupdate/done build/curl/done $(TESTED) ## Test: hours: 1000 kills of each module, 500 boots, 200 netboots, 600 power cuts
+soak: build qemu uboot linux linux-debug image-debian build/swupdate/done build/curl/done $(TESTED) ## Test: hours: 1000 kills of each module, 500 boots, 200 netboots, 600 power cuts
 	$(PYTHON) -m pytest -m soak
 
 # ---- see it --------------------------------------------------------------------------------------

@@ -29,8 +29,6 @@ SPREAD = {
     "tests/netboot/test_flash_twin.py",
     "tests/netboot/test_power_cut.py",
 }
-# Few tests that take minutes: the last one to begin would keep a worker when the others have ended.
-LONG = {"tests/linux/test_debug_kernel.py"}
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -46,16 +44,10 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """LONG first, then files with many slow tests, what is spread last: so the workers end together."""
+    """Files with many slow tests first, what is spread last: so the workers end together."""
     if config.getoption("--dist") == "loadfile":
         slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
-        items.sort(
-            key=lambda item: (
-                file_of(item.nodeid) in SPREAD,
-                file_of(item.nodeid) not in LONG,
-                -slow[item.path],
-            )
-        )
+        items.sort(key=lambda item: (file_of(item.nodeid) in SPREAD, -slow[item.path]))
 
 
 def file_of(test: str) -> str:

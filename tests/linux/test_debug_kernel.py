@@ -23,6 +23,8 @@ from nuc980.twin.linux import TROUBLE, Kernel, Linux
 from nuc980.twin.machine import INSTRUCTION_TIME
 from nuc980.twin.nand import NandImage
 
+pytestmark = pytest.mark.soak  # its own kernel and boots take half an hour: make test-debug-kernel
+
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 PROGRAMS = HERE / "programs"
@@ -123,10 +125,7 @@ def lines(linesim_program: Path) -> Iterator[LineSim]:
     remove(directory)
 
 
-# With DMA, the drivers run all of their code but the PIO that each other boot of tests/linux runs too.
-@pytest.fixture(
-    scope="module", params=[pytest.param("GATEWAY_PDMA=0", marks=pytest.mark.soak), "GATEWAY_PDMA=1"]
-)
+@pytest.fixture(scope="module", params=["GATEWAY_PDMA=0", "GATEWAY_PDMA=1"])
 def linux(
     request: pytest.FixtureRequest,
     boot: Callable[..., Linux],
