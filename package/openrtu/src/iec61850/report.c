@@ -684,7 +684,6 @@ static bool put_kept(struct iec61850_server *server, struct ber_writer *writer,
 	}
 	while (kept->next != buffer->next) {
 		const struct map_history_entry *entry = iec61850_buffer_entry(buffer, kept->next);
-
 		const uint32_t member =
 		    entry == NULL ? IEC61850_NO_MEMBER : member_told(server, block, entry);
 

@@ -49,8 +49,7 @@ struct logic_value {
 };
 
 struct logic_times {
-	int64_t
-	    uptime_us; /* monotonic, since the program's start; its next process and a changed program go on */
+	int64_t uptime_us;  /* monotonic, since the program's start, across its processes and reloads */
 	int64_t elapsed_us; /* since the scan before */
 	int64_t now_us;     /* UTC, since 1970 */
 };

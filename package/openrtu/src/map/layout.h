@@ -350,9 +350,10 @@ void requesters_follow(struct map *map);
 
 /* ------------------------------------------------------------------------------------------ */
 
+/* The kind of an event that was overwritten before its ring grew: nobody is told it, and who had not read it has lost it. */
+#define EVENT_OVERWRITTEN 0xff
+
 /* Puts an event of an update, whatever the last one said. */
 void event_put(struct map *map, const struct map_update *update);
-#define EVENT_OVERWRITTEN                                                                                    \
-	0xff /* kind of an event that was lost before its ring grew: nobody is told it, whoever wanted it has lost it */
 
 #endif
