@@ -21,12 +21,14 @@ place() {
 	fi
 }
 
-# In chrony's own words; any other directive, as "allow", would be a setting of the image.
+# In chrony's own words; any other directive, as "allow", would be a setting of the image. S15data judges alike.
 check_ntp() {
+	local write='write "server ADDRESS iburst", "pool ADDRESS iburst" or "refclock SOCK /run/gps/clock refid GPS", one a line'
+
 	[ -f "$site/ntp" ] || return 0
-	! wrong=$(grep -vE '^((server|pool) [^ ]|#|$)' "$site/ntp") ||
-		fail "$site/ntp: \"$wrong\" does not name a server: write \"server ADDRESS iburst\" or \"pool ADDRESS iburst\", one a line"
-	grep -qE '^(server|pool) ' "$site/ntp" || fail "$site/ntp names no server: write \"server ADDRESS iburst\" or \"pool ADDRESS iburst\""
+	! wrong=$(grep -vE '^((server|pool) [^ ]|refclock SOCK /run/gps/clock( |$)|#|$)' "$site/ntp") ||
+		fail "$site/ntp: \"$wrong\" names neither a server nor the receiver: $write"
+	grep -qE '^(server|pool|refclock) ' "$site/ntp" || fail "$site/ntp names neither a server nor the receiver: $write"
 }
 
 check_root_password() {
@@ -113,7 +115,7 @@ rm -rf "$target/etc/openrtu" "$target/root/.ssh" "$target/etc/chrony" "$target/e
 [ -n "$site" ] || exit 0
 
 place config.json 644 etc/openrtu/gateway.json
-place ntp 644 etc/chrony/site.sources
+place ntp 644 etc/chrony/site.conf
 place interfaces 644 etc/network/interfaces
 place authorized_keys 600 root/.ssh/authorized_keys
 [ ! -d "$target/root/.ssh" ] || chmod 700 "$target/root/.ssh"

@@ -307,7 +307,7 @@ WRONG = [
     ("system SITE=sites/json", "sites/json/config.json is not JSON"),
     ("system SITE=sites/more", "sites/more/config.yaml is not a setting of a site"),
     ("image SITE=sites/macs", 'sites/macs/macs has no line "eth0 XX:XX:XX:XX:XX:XX"'),
-    ("image SITE=sites/ntp", "sites/ntp/ntp names no server"),
+    ("image SITE=sites/ntp", "sites/ntp/ntp names neither a server nor the receiver"),
     ("netboot SITE=sites/password PORT=/dev/null", "sites/password/root-password is not a hash of crypt(5)"),
     ("netboot", "netboot: PORT is missing"),
     ("netboot PORT=/dev/nope", "netboot: PORT=/dev/nope is not a serial port; this machine has: "),

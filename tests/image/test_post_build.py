@@ -70,15 +70,36 @@ def test_settings_are_placed_with_their_modes(target: Path) -> None:
     assert (keys.stat().st_mode & 0o777, keys.parent.stat().st_mode & 0o777) == (0o600, 0o700)
 
 
-def test_ntp_servers_are_chronys_sources(target: Path) -> None:
-    servers = "# the substation's\nserver 192.0.2.1 iburst\n\npool ntp.example iburst maxsources 3\n"
-    done = build(target, ntp=servers)
+RECEIVER = "refclock SOCK /run/gps/clock refid GPS poll 4 delay 0.5 precision 0.1 offset 0.3\n"
+
+
+@pytest.mark.parametrize(
+    "sources",
+    [
+        "# the substation's\nserver 192.0.2.1 iburst\n\npool ntp.example iburst maxsources 3\n",
+        RECEIVER,
+        f"server 192.0.2.1\n{RECEIVER}",
+    ],
+)
+def test_sources_of_time_are_chronys(target: Path, sources: str) -> None:
+    done = build(target, ntp=sources)
     assert (done.returncode, done.stderr) == (0, "")
-    assert (target / "etc/chrony/site.sources").read_text() == servers
+    assert (target / "etc/chrony/site.conf").read_text() == sources
 
 
-@pytest.mark.parametrize("bad", ["192.0.2.1\n", "server \n", "server 192.0.2.1\nallow all\n", "# none\n", ""])
-def test_what_is_no_ntp_server_is_refused(target: Path, bad: str) -> None:
+@pytest.mark.parametrize(
+    "bad",
+    [
+        "192.0.2.1\n",
+        "server \n",
+        "server 192.0.2.1\nallow all\n",
+        "# none\n",
+        "",
+        "refclock SHM 0\n",
+        "refclock SOCK /run/gps/clock.other\n",
+    ],
+)
+def test_what_is_no_source_of_time_is_refused(target: Path, bad: str) -> None:
     done = build(target, ntp=bad)
     assert done.returncode != 0
     assert "/ntp" in done.stderr

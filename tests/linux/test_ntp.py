@@ -46,7 +46,7 @@ def linux(boot: Any, kernel: Kernel, pki: Pki, port: int, server: NtpServer) -> 
     config = json.loads(SITE.read_text()) | {"iec104": {"own_ca": OWN_STATION, "t3": T3_S}}
     files: dict[str, Path | str] = {
         "/etc/openrtu/gateway.json": json.dumps(config),
-        "/etc/chrony/site.sources": f"server {ETHERNET[0].host} port {server.port} minpoll 0 maxpoll 0\n",
+        "/etc/chrony/site.conf": f"server {ETHERNET[0].host} port {server.port} minpoll 0 maxpoll 0\n",
         "/keys/station.pem": pki.station.certificate,
         "/keys/station.key": pki.station.key,
         "/keys/ca.pem": pki.ours.certificate,
