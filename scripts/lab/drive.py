@@ -1,12 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A vehicle with a GPS receiver on a line of the gateway, and `rtu-centre`, which polls its position."""
+"""
+A boat's GPS receiver on a line of the gateway, and `rtu-centre`, which polls its position.
+
+What it says is recorded: a chart plotter's lines on the IJsselmeer, of gpsd's regression tests (BSD-2-Clause,
+copyright the GPSD project), from Debian's source package.
+"""
 
 from __future__ import annotations
 
 import contextlib
-import datetime
 import itertools
 import json
+import re
 import socket
 import struct
 import subprocess
@@ -17,14 +22,13 @@ from pathlib import Path
 from typing import Any, Self
 
 from lab.errors import LabError
-from lab.gateway import default_build
+from lab.gateway import REPOSITORY, default_build
 from lab.patience import Deadline
-from lab.receiver import burst, sentence
 
 PORT, DEVICE, BAUD_RATE = 6, "ttyS8", 9600
 CA, IOA = 9001, 200
 RECEIVER = {
-    "name": "van",
+    "name": "boat",
     "device": DEVICE,
     "baud_rate": BAUD_RATE,
     "ca": CA,
@@ -33,11 +37,12 @@ RECEIVER = {
 }
 FIXES = 3  # different ones, that the show waits for
 ANSWER_S = 60.0
-KNOTS = 27.0  # 50 km/h
+ROUNDED = 1.1e-7  # degree
 
-# Corners of a round through Belgrade, and how many seconds lie between two of them.
-ROUND = ((44.8125, 20.4612), (44.8163, 20.4603), (44.8170, 20.4685), (44.8120, 20.4690))
-LEG_S = 36
+RECORDING = REPOSITORY / "build/gpsd/debian/test/daemon/bundg_zeus_9.log"
+BURST = re.compile(rb"\$GPGGA,")  # each second's first line
+RECEIVERS = re.compile(rb"^\$GP(?:GGA|GSA|GSV|VTG),[!-~]+\r?\n", re.MULTILINE)  # not the other instruments'
+PLACE = re.compile(rb"\$GPGGA,[\d.]*,(\d\d)([\d.]+),N,(\d{3})([\d.]+),E,")
 
 # docs/centre.md: a packet's header, a record's begin, a position's end.
 HEADER = struct.Struct("<4sHHQ")
@@ -52,19 +57,36 @@ def instead_of_devices(config: dict[str, Any]) -> dict[str, Any]:
     return config | {"port": lines, "gps": [RECEIVER]}
 
 
-def places() -> Iterator[tuple[float, float]]:
-    """Where the vehicle is, second by second, round and round."""
-    for (a, b), (c, d) in itertools.cycle(zip(ROUND, ROUND[1:] + ROUND[:1], strict=True)):
-        for second in range(LEG_S):
-            part = second / LEG_S
-            yield a + (c - a) * part, b + (d - b) * part
+def bursts() -> list[bytes]:
+    """What the receiver said, second by second."""
+    try:
+        lines = RECEIVERS.findall(RECORDING.read_bytes())
+    except FileNotFoundError as error:
+        raise LabError(
+            f"{RECORDING} is not there", advice="type: make build/gpsd/debian.dsc, which fetches it"
+        ) from error
+    begins = [number for number, line in enumerate(lines) if BURST.match(line)]
+    return [b"".join(lines[begin:end]) for begin, end in itertools.pairwise([*begins, len(lines)])]
+
+
+def is_recorded(latitude: float, longitude: float) -> bool:
+    """One of the recording's places, to 1e-7 degree."""
+    for found in filter(None, map(PLACE.match, bursts())):
+        north, minutes_north, east, minutes_east = map(float, found.groups())
+        if (
+            abs(north + minutes_north / 60 - latitude) < ROUNDED
+            and abs(east + minutes_east / 60 - longitude) < ROUNDED
+        ):
+            return True
+    return False
 
 
 class Drive:
-    """The receiver says each second where the vehicle is."""
+    """The receiver says each second what it said then."""
 
     def __init__(self, say: Callable[[bytes], None]) -> None:
         self.say = say
+        self.bursts = bursts()
         self.ended = threading.Event()
         self.thread = threading.Thread(target=self._go)
 
@@ -77,9 +99,8 @@ class Drive:
         self.thread.join()
 
     def _go(self) -> None:
-        for place in places():
-            moment = datetime.datetime.now(datetime.UTC)
-            self.say(burst(moment, *place, speed_knots=KNOTS) + sentence("PGRME,4.1,M,6.2,M,7.4,M"))
+        for burst in itertools.cycle(self.bursts):
+            self.say(burst)
             if self.ended.wait(1.0):
                 return
 
@@ -89,7 +110,7 @@ def _centre(directory: Path, address: tuple[str, int]) -> Iterator[socket.socket
     """The socket of its consumer."""
     reads = [{"common_address": CA, "ioa": IOA, "period_ms": 250}]
     host, port = address
-    one = {"name": "van", "address": host, "port": port, "common_addresses": [CA], "reads": reads}
+    one = {"name": "boat", "address": host, "port": port, "common_addresses": [CA], "reads": reads}
     file, path = directory / "centre.json", directory / "consumer"
     file.write_text(json.dumps({"stations": [one | {"interrogate_at_start": False}]}))
     command = [default_build() / "centre" / "rtu-centre", "--socket", path, file]

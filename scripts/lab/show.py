@@ -514,7 +514,7 @@ def reloaded(desk: Desk) -> None:
 
 
 def position(desk: Desk) -> None:
-    """A line becomes that of a GPS receiver: rtu-centre polls its position, type 201, and sees it move"""
+    """A receiver on a line, recorded on a boat: rtu-centre polls its position, type 201, and sees it move"""
     reload(desk, desk.gateway.put(drive.instead_of_devices(desk.gateway.configuration())))
     say(f"     rtuctl       reload with a receiver on {drive.DEVICE} instead of line {drive.PORT}'s devices")
     with (
@@ -527,7 +527,7 @@ def position(desk: Desk) -> None:
                 f"     rtu-centre   CA {drive.CA} IOA {drive.IOA}: {latitude:.7f} N {longitude:.7f} E,"
                 f" {altitude:.1f} m, good"
             )
-            check(44.8 < latitude < 44.83 and 20.45 < longitude < 20.48, "the vehicle is not there")
+            check(drive.is_recorded(latitude, longitude), "the boat was not there")
         say(indented(desk.gateway.ctl("gps")))
     reload(desk)
     desk.gateway.wait_for(lambda: all_read(desk.gateway), DEADLINE_S, "the devices are read again")
