@@ -16,7 +16,7 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,12 +26,17 @@ from stopwatch import Spread, cpu_ns
 from bench import machine
 from lab.gateway import REPOSITORY, Gateway, GatewayError, default_build, free_port, remove, run_directory
 
-FLOOR, CENTRE, UVLOOP, ASYNCIO, C104 = "C loop", "rtu-centre", "uvloop", "asyncio", "c104"
+FLOOR, UVLOOP, ASYNCIO, C104 = "C loop", "uvloop", "asyncio", "c104"
+CENTRE, PLAN, SHARDS = "rtu-centre", "rtu-centre, its plan", "rtu-centre, 2 shards"
 TURN, TOGETHER = "turn", "together"
 PROCESSES_MAX = 100  # RTUs that are a process each
 GATEWAYS = 10
 C104_MAX = 10  # more connections of c104 do not all start on a busy machine
+SHARD_COUNT = 2
 POLLED_SECONDS = 10
+DUE_AT_ONCE = 1000  # polls of a plan that is never done: more than a machine sends in PLAN_MS
+PLAN_MS = 10
+READS_MAX = 64
 PAPER_MS = 0.14  # of each RTU, by the paper's own sum: 764 ms = 750 ms + 100 times 0.14 ms
 ROUNDS = REPOSITORY / "build" / "bench" / "poll_rounds"
 RTUS = default_build() / "centre" / "centre-rtus"
@@ -127,8 +132,8 @@ def gateways(count: int) -> Iterator[int]:
 # ---- contenders ----------------------------------------------------------------------------------------
 
 
-def measured(command: list[Any], case: Case, process_of: int | None) -> tuple[list[int], float]:
-    """Nanoseconds of each round; µs of CPU of all: of the process named, or of the command's own."""
+def measured(command: list[Any], case: Case, processes: list[int] | None = None) -> tuple[list[int], float]:
+    """Nanoseconds of each round; µs of CPU of all: of the processes named, or of the command's own."""
     pipe = subprocess.PIPE
     with subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, text=True) as process:
         assert process.stdin
@@ -136,53 +141,81 @@ def measured(command: list[Any], case: Case, process_of: int | None) -> tuple[li
         assert process.stderr
         if process.stdout.readline() != "ready\n":
             raise PollError(process.stderr.read().strip() or f"{command[0]} ended")
-        used = cpu_ns(process_of or process.pid)
+        pids = processes or [process.pid]
+        used = sum(map(cpu_ns, pids))
         process.stdin.write("go\n")
         process.stdin.flush()
         times = [int(process.stdout.readline()) for _ in range(case.rounds)]
-        used = cpu_ns(process_of or process.pid) - used
+        used = sum(map(cpu_ns, pids)) - used
         process.stdin.close()
         process.stdout.read()
         process.stderr.read()
     return times, used / 1000
 
 
+@dataclass(frozen=True)
+class Centre:
+    """The processes that poll, and the socket of each."""
+
+    pids: list[int]
+    sockets: list[Path]
+
+
 @contextlib.contextmanager
-def centre(case: Case, port: int, folder: Path, period_ms: int = 0) -> Iterator[tuple[int, Path]]:
-    """Its process, and the socket of its consumer."""
-    reads = [{"common_address": 1, "ioa": 1, "period_ms": period_ms}] if period_ms else []
+def centre(
+    case: Case, port: int, shards: int = 1, reads: Sequence[Any] = (), polls_at_once: int = 1024
+) -> Iterator[Centre]:
+    """rtu-centre, with these keys in its file."""
     stations = [
         {"name": f"rtu{number}", "address": f"127.1.{number // 250}.{1 + number % 250}"}
         for number in range(case.count)
     ]
     defaults = {"port": port, "common_addresses": [1], "interrogate_at_start": False, "reads": reads}
-    file, path = folder / "centre.json", folder / "consumer"
-    file.write_text(json.dumps({"defaults": defaults, "stations": stations, "polls_at_once": 1024}))
-    with subprocess.Popen([PROGRAM, "--socket", path, file], stderr=subprocess.PIPE, text=True) as process:
-        assert process.stderr
-        if not any("waits for a consumer" in line for line in process.stderr):
-            raise PollError("rtu-centre does not take its consumer")
-        rest = threading.Thread(target=process.stderr.read)  # what it says must not fill the pipe
-        rest.start()
-        try:
-            yield process.pid, path
-        finally:
-            process.terminate()
-            rest.join()
+    settings = {"defaults": defaults, "stations": stations, "polls_at_once": polls_at_once, "shards": shards}
+    with tempfile.TemporaryDirectory(prefix="polls-") as folder:
+        file, path = Path(folder) / "centre.json", Path(folder) / "consumer"
+        file.write_text(json.dumps(settings))
+        sockets = [Path(f"{path}.{shard}") for shard in range(shards)] if shards > 1 else [path]
+        with subprocess.Popen(
+            [PROGRAM, "--socket", path, file], stderr=subprocess.PIPE, text=True
+        ) as process:
+            assert process.stderr
+            for _ in sockets:
+                if not any("waits for a consumer" in line for line in process.stderr):
+                    raise PollError("rtu-centre does not take its consumer")
+            rest = threading.Thread(target=process.stderr.read)  # what it says must not fill the pipe
+            rest.start()
+            children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text()
+            try:
+                yield Centre([int(pid) for pid in children.split()] or [process.pid], sockets)
+            finally:
+                process.terminate()
+                rest.join()
+
+
+def read_each(period_ms: int) -> dict[str, int]:
+    return {"common_address": 1, "ioa": 1, "period_ms": period_ms}
+
+
+def by_plan(case: Case, port: int) -> tuple[list[int], float]:
+    """rtu-centre by itself: one poll under way, and always another that is due."""
+    reads = [read_each(PLAN_MS)] * min(READS_MAX, math.ceil(DUE_AT_ONCE / case.count))
+    with centre(case, port, reads=reads, polls_at_once=1) as ours:
+        command = [ROUNDS, "plan", str(case.count), str(case.rounds), *ours.sockets]
+        return measured(command, case, ours.pids)
 
 
 def row(case: Case, mode: str, name: str, port: int) -> Row:
     amounts = [mode, str(case.count), str(case.rounds), str(case.wait_ms)]
-    if name == CENTRE:
-        with (
-            tempfile.TemporaryDirectory(prefix="polls-") as folder,
-            centre(case, port, Path(folder)) as (pid, path),
-        ):
-            times, used = measured([ROUNDS, "centre", *amounts, path], case, pid)
+    if name == PLAN:
+        times, used = by_plan(case, port)
+    elif name in (CENTRE, SHARDS):
+        with centre(case, port, SHARD_COUNT if name == SHARDS else 1) as ours:
+            times, used = measured([ROUNDS, "centre", *amounts, *ours.sockets], case, ours.pids)
     elif name == FLOOR:
-        times, used = measured([ROUNDS, "floor", *amounts, str(port)], case, None)
+        times, used = measured([ROUNDS, "floor", *amounts, str(port)], case)
     else:
-        times, used = measured([sys.executable, CLIENTS, name, *amounts, str(port)], case, None)
+        times, used = measured([sys.executable, CLIENTS, name, *amounts, str(port)], case)
     found = Row(
         case,
         mode,
@@ -196,6 +229,10 @@ def row(case: Case, mode: str, name: str, port: int) -> Row:
 
 def contenders(case: Case, mode: str) -> Iterator[str]:
     yield from (FLOOR, CENTRE)
+    if mode == TOGETHER and case.count > PROCESSES_MAX:
+        yield SHARDS
+    if mode == TURN and not case.wait_ms:  # a pause is no part of a plan
+        yield PLAN
     if case.count <= 1000:
         yield from (UVLOOP, ASYNCIO)
     if case.count <= C104_MAX and not case.real and mode == TURN:
@@ -216,19 +253,17 @@ def rows(cases: tuple[Case, ...]) -> Iterator[Row]:
                     print(f"  {case.rtus}, {mode}, {name}: left out: {error}", flush=True)
 
 
-def polled_each_second(count: int, seconds: int) -> str:
+def polled_each_second(count: int, seconds: int, shards: int) -> str:
     """rtu-centre by itself, at 1 Hz."""
     case = Case(count, 1)
-    with (
-        tempfile.TemporaryDirectory(prefix="polls-") as folder,
-        simulated(count, "h") as port,
-        centre(case, port, Path(folder), 1000) as (pid, path),
-    ):
-        command = [ROUNDS, "count", str(count), str(seconds), path]
-        positions, used_us = measured(command, case, pid)
+    with simulated(count, "h") as port, centre(case, port, shards, reads=[read_each(1000)]) as ours:
+        command = [ROUNDS, "count", str(count), str(seconds), *ours.sockets]
+        positions, used_us = measured(command, case, ours.pids)
     each_us = used_us / positions[0]
+    processes = "one process" if shards == 1 else f"{shards} shards"
     return (
-        f"rtu-centre polls {count} RTUs at 1 Hz for {seconds} s: {positions[0] / seconds:.0f} positions"
+        f"rtu-centre, {processes}, polls {count} RTUs at 1 Hz for {seconds} s:"
+        f" {positions[0] / seconds:.0f} positions"
         f" a second handed on, {used_us / seconds / 10_000:.1f} % of a core; {each_us:.1f} µs of CPU each,"
         f" so {count * each_us / 10_000:.1f} % of a core for all {count} each second"
     )
@@ -252,6 +287,7 @@ def picture(found: list[Row]) -> str:
         "paper": "#888",
         FLOOR: "#333",
         CENTRE: "#0a7d3c",
+        PLAN: "#5fb884",
         UVLOOP: "#5b4bb5",
         ASYNCIO: "#c26a00",
         C104: "#b3261e",
@@ -319,7 +355,8 @@ def main() -> int:
     head = f"{machine()}. Median (minimum..maximum) of the rounds."
     try:
         found = list(rows(QUICK if arguments.quick else FULL))
-        each_second = polled_each_second(*((200, 2) if arguments.quick else (10_000, POLLED_SECONDS)))
+        amounts = (200, 2) if arguments.quick else (10_000, POLLED_SECONDS)
+        each_second = "\n".join(polled_each_second(*amounts, shards) for shards in (1, SHARD_COUNT))
     except (PollError, GatewayError, OSError, ValueError) as error:
         print(f"the bench ended early: {error}", file=sys.stderr)
         return 1

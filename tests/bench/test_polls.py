@@ -4,20 +4,46 @@
 import xml.etree.ElementTree as ET
 
 import pytest
-from polls import ASYNCIO, CENTRE, FLOOR, TOGETHER, TURN, UVLOOP, Case, Row, picture, row, simulated, table
+from polls import (
+    ASYNCIO,
+    CENTRE,
+    FLOOR,
+    PLAN,
+    SHARDS,
+    TOGETHER,
+    TURN,
+    UVLOOP,
+    Case,
+    Row,
+    picture,
+    polled_each_second,
+    row,
+    simulated,
+    table,
+)
 from stopwatch import Spread
 
 FEW = Case(3, 2)
 
 
-@pytest.mark.parametrize("mode", [TURN, TOGETHER])
-@pytest.mark.parametrize("name", [FLOOR, CENTRE, UVLOOP, ASYNCIO])
+@pytest.mark.parametrize(
+    ("name", "mode"),
+    [
+        (PLAN, TURN),
+        *((name, mode) for name in (FLOOR, CENTRE, SHARDS, UVLOOP, ASYNCIO) for mode in (TURN, TOGETHER)),
+    ],
+)
 def test_each_polls_all(programs: None, name: str, mode: str) -> None:
     with simulated(FEW.count, "h") as port:
         found = row(FEW, mode, name, port)
     assert len(found.time.values) == FEW.rounds
     assert min(found.time.values) > 0
     assert found.cpu_us > 0
+
+
+@pytest.mark.parametrize("shards", [1, 2])
+def test_all_are_polled_each_second(programs: None, shards: int) -> None:
+    assert "10 RTUs at 1 Hz" in polled_each_second(10, 2, shards)
 
 
 def test_table_and_picture() -> None:
