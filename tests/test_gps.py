@@ -2,6 +2,7 @@
 """rtu-gps: a receiver's fixes as points, their quality, their events, up to a controlling station."""
 
 import datetime
+import itertools
 import json
 import os
 import pwd
@@ -144,6 +145,69 @@ def test_geofence_is_an_event_of_its_own(drive: Drive) -> None:
             lambda r: (r.ca, r.ioa, r.cause) == (CA, IN_DEPOT, "SPONTANEOUS"), since=mark, what="it left"
         )
     assert (left.value, left.good) == (False, True)
+
+
+def test_time_of_a_fix_is_the_receivers_where_the_clocks_agree(programs: Path, directory: Path) -> None:
+    with (
+        Receiver(directory / "dev/gps1") as receiver,
+        Gateway(config({"device": "gps1"}) | {"clock": "masters"}, directory, programs) as gateway,
+        Master(*gateway.address) as master,
+    ):
+        drive = Drive(gateway, receiver)
+        gateway.wait_for(lambda: drive.row()["open"], 30.0, "the receiver's line is open")
+        master.interrogate(CA)
+        master.synchronise_clock(CA)
+        places = itertools.cycle([DEPOT, (DEPOT[0] + 60 * METRE, DEPOT[1])])
+
+        def tag_of(at: datetime.datetime) -> datetime.datetime | None:
+            mark = master.mark()
+            receiver.say(burst(at, *next(places)))
+            return master.wait(
+                lambda r: (r.ca, r.ioa, r.cause) == (CA, LATITUDE, "SPONTANEOUS"), mark, 30.0
+            ).recorded_at
+
+        def is_the_receivers() -> bool:
+            second_ago = datetime.datetime.now(datetime.UTC) - datetime.timedelta(seconds=1)
+            at = second_ago.replace(microsecond=120_000)
+            return tag_of(at) == at
+
+        gateway.wait_for(is_the_receivers, 60.0, "a burst is not late")
+        begun = datetime.datetime.now(datetime.UTC)
+        tag = tag_of(begun - datetime.timedelta(hours=1))
+        assert tag is not None
+        assert tag > begun - datetime.timedelta(minutes=1)  # of its arrival
+
+
+def test_receivers_of_one_process(programs: Path, directory: Path) -> None:
+    """Each has its place and its fences; what cannot be is marked, and not dropped."""
+    square = [[59.9, 10.7], [59.9, 10.8], [60.0, 10.8], [60.0, 10.7]]
+    file = config({"device": "gps1"})
+    tram = {"name": "tram", "device": "gps2", "ca": CA + 1, "fences": [{"name": "city", "corners": square}]}
+    file["gps"].append(tram)
+    oslo, bergen = (59.95, 10.75), (60.39, 5.32)
+    with (
+        Receiver(directory / "dev/gps1") as first,
+        Receiver(directory / "dev/gps2") as second,
+        Gateway(file, directory, programs) as gateway,
+    ):
+        gateway.wait_for(lambda: all(row["open"] for row in gateway.query("gps")), 30.0, "both are open")
+
+        def wait_latitude(name: str, wanted: tuple[float, str]) -> None:
+            def is_there() -> bool:
+                point = gateway.points(f"{name}.latitude")[f"{name}.latitude"]
+                return (point["value"], point["quality"]) == wanted
+
+            gateway.wait_for(is_there, 30.0, f"the latitude of {name}")
+
+        first.say(burst(now(), *DEPOT))
+        second.say(burst(now(), *oslo))
+        wait_latitude("bus", (DEPOT[0], "good"))
+        wait_latitude("tram", (oslo[0], "good"))
+        assert gateway.points("tram.in-city")["tram.in-city"]["value"] == "on"
+        second.say(burst(now(), *bergen))
+        wait_latitude("tram", (bergen[0], "invalid"))
+        assert gateway.points("tram.in-city")["tram.in-city"]["value"] == "off"
+        assert [(row["name"], row["jumps"]) for row in gateway.query("gps")] == [("bus", 0), ("tram", 1)]
 
 
 def test_damaged_lines_cost_themselves(drive: Drive) -> None:
