@@ -11,6 +11,7 @@ import { age, t, time } from "./words.js";
 maplibre.setWorkerUrl(new URL("../vendor/maplibre-gl-worker.mjs", import.meta.url).href);
 
 const LIST_MOST = 200; // in the list beside the map; who looks for another one searches
+const LABELS_MOST = 1000; // more markers are told by shape and colour, until fewer are in sight: few of their texts would find room
 const LOOK_MS = 250; // after the map has moved
 const TRACK_MS = 5000; // a track is asked for again no more often
 const SIZE = 44; // of a symbol: two for each pixel
@@ -130,8 +131,11 @@ function inOrder() {
   };
 }
 
-function feature(place, now) {
-  const label = place.kind === "good" ? place.name : `${place.name}\n${place.word}, ${age(now - place.at)}`;
+function labelOf(place, now) {
+  return place.kind === "good" ? place.name : `${place.name}\n${place.word}, ${age(now - place.at)}`;
+}
+
+function feature(place, label) {
   return { type: "Feature", properties: { id: place.id, icon: `${place.kind}${place.fixed ? "-fixed" : ""}`, label },
     geometry: { type: "Point", coordinates: place.lngLat } };
 }
@@ -151,7 +155,8 @@ export function showMap(main) {
     h("div", { class: "map" }, canvas, legend, about, replay.element));
 
   const map = new maplibre.Map({ container: canvas, style: style(), center: [15, 47], zoom: 3.2, attributionControl: false,
-    dragRotate: false, pitchWithRotate: false, maxZoom: 17, renderWorldCopies: true });
+    dragRotate: false, pitchWithRotate: false, maxZoom: 17, renderWorldCopies: true,
+    fadeDuration: 0 }); // markers move each second: texts that fade would have the whole map drawn all the time
   window.openrtuMap = map; // for whoever looks in the browser's console, and the tests
   map.touchZoomRotate.disableRotation();
   map.addControl(new maplibre.NavigationControl({ showCompass: false }));
@@ -187,8 +192,11 @@ export function showMap(main) {
   function draw(all) {
     if (!ready) return;
     const marks = map.getSource("marks");
+    const now = clock();
+    const few = all.length <= LABELS_MOST;
+    const made = (place) => feature(place, few || place.id === chosen.id ? labelOf(place, now) : "");
     if (!drawn.size) {
-      const features = all.map((place) => feature(place, clock()));
+      const features = all.map(made);
       features.forEach((each) => drawn.set(each.properties.id, JSON.stringify(each)));
       marks.setData({ type: "FeatureCollection", features });
       return;
@@ -196,7 +204,7 @@ export function showMap(main) {
     const difference = { add: [], remove: [], update: [] };
     const here = new Set();
     for (const place of all) {
-      const each = feature(place, clock());
+      const each = made(place);
       const text = JSON.stringify(each);
       here.add(place.id);
       const before = drawn.get(place.id);
