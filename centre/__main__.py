@@ -12,7 +12,6 @@ import getpass
 import json
 import logging
 import signal
-import ssl
 import sys
 from pathlib import Path
 
@@ -21,26 +20,13 @@ from aiohttp import web
 from centre import higher, settings, users
 from centre.api import ROUTES
 from centre.centre import Centre
+from centre.certificate import renew, tls_context
 from centre.database import open_store
 from centre.errors import CentreError
 from centre.push import Pusher
 from centre.web import Server
 
 PAGE = Path(__file__).resolve().parent.parent / "build" / "centre" / "page"
-
-
-def tls_context(what: settings.Settings) -> ssl.SSLContext | None:
-    if not what.tls:
-        return None
-    context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
-    try:
-        context.load_cert_chain(what.tls.certificate, what.tls.key)
-    except OSError as error:  # ssl.SSLError is one
-        raise CentreError(
-            f"tls: {what.tls.certificate} and {what.tls.key}: {error};"
-            " are they there, readable, in PEM and a pair?"
-        ) from error
-    return context
 
 
 async def serve(what: settings.Settings, page: Path) -> None:
@@ -50,7 +36,7 @@ async def serve(what: settings.Settings, page: Path) -> None:
         asyncio.get_running_loop().add_signal_handler(number, ended.set)
     centre = Centre(what)
     try:
-        secured = tls_context(what)
+        secured = tls_context(what.tls) if what.tls else None
         runner = web.AppRunner(Server(centre, ROUTES, page).application, access_log=None)
         await runner.setup()
         try:
@@ -63,6 +49,8 @@ async def serve(what: settings.Settings, page: Path) -> None:
             "serves http%s://%s:%s", "s" if secured else "", what.address, what.port
         )
         working = [asyncio.create_task(centre.keep())]
+        if what.tls and secured:
+            working.append(asyncio.create_task(renew(what.tls, secured)))
         if what.mqtt:
             from centre.bus import Bus  # who has no broker needs no paho
 

@@ -9,9 +9,10 @@ import logging
 import math
 import ssl
 import time
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from dataclasses import dataclass, field
 from typing import Any
 
 import paho.mqtt.client as mqtt
@@ -41,6 +42,15 @@ def _segment(name: str) -> str:
     return "".join(f"%{ord(each):02X}" if each in "/+#%" or each < " " else each for each in name)
 
 
+@dataclass
+class Waiting:
+    """By id, what the broker has not been told."""
+
+    stations: set[int] = field(default_factory=set)
+    births: set[int] = field(default_factory=set)  # of stations, or deaths
+    points: set[int] = field(default_factory=set)
+
+
 class Bus:
     """Watches the centre, and tells a broker.
 
@@ -52,11 +62,12 @@ class Bus:
         self.centre = centre
         self.settings = settings
         self.prefix = settings.prefix
-        self.waiting: dict[str, set[int]] = {"stations": set(), "points": set()}
+        self.waiting = Waiting()
+        self.points_of: defaultdict[int, set[int]] = defaultdict(set)  # by station, as it was born with them
         self.alarms: dict[int, Json] = {}  # one that ends is no longer in the model
         self.commands: dict[int, Json] = {}
         self.something = asyncio.Event()
-        self.born = False  # while there is a connection
+        self.born = 0  # while there is a connection: since when, in ms
         self._known: set[str] = set()  # topics, at its begin
         self._sent: deque[mqtt.MQTTMessageInfo] = deque()
         self._loop = asyncio.get_running_loop()
@@ -100,8 +111,13 @@ class Bus:
         """A station is told of when its link changes; how often it was heard is nobody's news."""
         if not self.born:
             return
-        self.waiting["stations"] |= linked
-        self.waiting["points"] |= changes.points.keys()
+        self.waiting.stations |= linked
+        self.waiting.births |= linked
+        self.waiting.points |= changes.points.keys()
+        for point in changes.points.values():
+            if point.id not in self.points_of[point.station]:
+                self.points_of[point.station].add(point.id)
+                self.waiting.births.add(point.station)
         self.alarms |= {id_: alarm.view() for id_, alarm in changes.alarms.items()}
         self.commands |= {id_: command.view() for id_, command in changes.commands.items()}
         self.something.set()
@@ -134,13 +150,13 @@ class Bus:
     def _messages(self) -> Iterable[tuple[str, Json | None, bool]]:
         """Topic, content, whether the broker keeps it. The last value counts: it is read when it is sent."""
         model = self.centre.model
-        stations, points = self.waiting["stations"], self.waiting["points"]
-        alarms, commands = self.alarms, self.commands
-        self.waiting = {"stations": set(), "points": set()}
-        self.alarms, self.commands = {}, {}
-        for id_ in stations:
+        waiting, alarms, commands = self.waiting, self.alarms, self.commands
+        self.waiting, self.alarms, self.commands = Waiting(), {}, {}
+        for id_ in waiting.stations:
             yield self.station_topic(id_), model.stations[id_].view(), True
-        for id_ in points:
+        for id_ in waiting.births:
+            yield f"{self.station_topic(id_)}/birth", self._station_birth(id_), True
+        for id_ in waiting.points:
             station = model.stations[model.points[id_].station].settings.name
             yield self.point_topic(id_), {**model.points[id_].view(), "station": station}, True
         for id_, view in alarms.items():
@@ -151,6 +167,14 @@ class Bus:
                 yield self.topic("alarm", id_), None, True
         for id_, view in commands.items():
             yield self.topic("command", id_), view, False
+
+    def _station_birth(self, id_: int) -> Json:
+        """With its points; or that it has died."""
+        station = self.centre.model.stations[id_]
+        if not station.up:
+            return {"online": False}
+        points = [self.centre.model.points[point].listed() for point in sorted(self.points_of[id_])]
+        return {"online": True, "since": station.since_ns // NS_PER_MS, "points": points}
 
     async def _tell(self, topic: str, content: Json | None, keep: bool) -> None:
         """Waits while too much is not confirmed: meanwhile values change, and the last one counts."""
@@ -173,7 +197,8 @@ class Bus:
             return
         self._in_loop(self._birth)
         wanted = [(self.topic("station", "#"), SubscribeOptions(LEAST_ONCE, noLocal=True)),
-                  (self.topic("alarm", "+"), SubscribeOptions(LEAST_ONCE, noLocal=True))]  # fmt: skip
+                  (self.topic("alarm", "+"), SubscribeOptions(LEAST_ONCE, noLocal=True)),
+                  (self.topic("centre"), SubscribeOptions(LEAST_ONCE, noLocal=True))]  # fmt: skip
         if self.settings.commands:
             wanted.append((self.topic("do"), SubscribeOptions(0, noLocal=True)))
         client.subscribe(wanted)
@@ -185,6 +210,9 @@ class Bus:
         if message.topic == self.topic("do"):
             if not message.retain:  # what the broker has kept was meant for another time
                 self._in_loop(self._do, message.payload)
+        elif message.topic == self.topic("centre"):
+            if not message.retain and message.payload == OFFLINE.encode():
+                self._in_loop(self._said_dead)
         elif message.retain and message.payload:
             self._in_loop(self._kept, message.topic)
 
@@ -194,20 +222,33 @@ class Bus:
         """All is told once more: the broker may be another one, and what it kept may be old."""
         log.info("mqtt at %s is connected", self.settings.host)
         model = self.centre.model
-        self.born = True
-        birth = {"online": True, "since": time.time_ns() // NS_PER_MS}
-        self.client.publish(self.topic("centre"), json.dumps(birth), LEAST_ONCE, retain=True)
-        self.waiting = {"stations": set(model.stations), "points": set(model.points)}
+        self.born = time.time_ns() // NS_PER_MS
+        self._say_birth()
+        self.points_of.clear()
+        for point in model.points.values():
+            self.points_of[point.station].add(point.id)
+        stations = set(model.stations)
+        self.waiting = Waiting(stations, set(stations), set(model.points))
         self.alarms = {id_: alarm.view() for id_, alarm in model.alarms.items()}
         self.commands = {id_: command.view() for id_, command in model.commands.items()}
         self._known = {self.topic("alarm", id_) for id_ in self.alarms}
         self._known |= {*map(self.station_topic, model.stations), *map(self.point_topic, model.points)}
+        self._known |= {f"{self.station_topic(id_)}/birth" for id_ in model.stations}
         self.something.set()
+
+    def _say_birth(self) -> None:
+        birth = {"online": True, "since": self.born}
+        self.client.publish(self.topic("centre"), json.dumps(birth), LEAST_ONCE, retain=True)
+
+    def _said_dead(self) -> None:
+        """By the last will of a connection that the broker gives up after the birth of this one."""
+        if self.born:
+            self._say_birth()
 
     def _death(self, reason: str) -> None:
         if self.born:
             log.warning("mqtt at %s: %s; trying again", self.settings.host, reason)
-        self.born = False
+        self.born = 0
 
     def _kept(self, topic: str) -> None:
         """What is no more, the broker shall forget."""

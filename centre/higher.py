@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import re
+from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,12 +14,12 @@ from centre.records import Content
 from centre.settings import Meaning, Settings, StationSettings
 
 PROGRAM = Path(__file__).resolve().parent / "run-station"
-MODULE = "centre"
+MODULE = "centre"  # and of another common address than that of all, centre-CA
 PERIOD_MS = 100
 MEMORY_MB = 512  # of addresses; a Python with its libraries maps what it never touches
 HEARTBEAT_MS = 5000
 COMMAND_S = 10  # the oldest command that is carried out: of the gateway, and of centre.station
-POINTS_MOST = 1024  # of a module
+POINTS_MOST, MODULES_MOST = 1024, 12  # of a module, of a gateway
 NAME_MOST = 39  # octets
 # Of an object, the point's type; a total is a number that was counted elsewhere.
 TYPES = {
@@ -41,7 +42,7 @@ def gateway(settings: Settings) -> tuple[Json, list[str]]:
     higher = settings.higher
     if not higher:
         raise CentreError('centre: "higher" is missing: it says by which common address we are seen')
-    points: list[Json] = []
+    points: defaultdict[int, list[Json]] = defaultdict(list)  # by common address
     places: dict[str, list[str | int]] = {}
     left_out = []
     for station in settings.stations.values():
@@ -52,26 +53,29 @@ def gateway(settings: Settings) -> tuple[Json, list[str]]:
             if not made:
                 left_out.append(f"{station.name}: {meaning.name}: its list says no type")
             for point, place in made:
-                points.append(point)
+                points[station.higher_ca or higher.ca].append(point)
                 places[point["name"]] = place
     _check(points)
-    module = {
-        "name": MODULE,
-        "program": str(PROGRAM),
-        "period_ms": PERIOD_MS,
-        "heartbeat_limit_ms": HEARTBEAT_MS,
-        "memory_mb": MEMORY_MB,
-        "ca": higher.ca,
-        "points": points,
-        "config": {**higher.reached, "points": places},
-    }
+    modules = [
+        {
+            "name": MODULE if ca == higher.ca else f"{MODULE}-{ca}",
+            "program": str(PROGRAM),
+            "period_ms": PERIOD_MS,
+            "heartbeat_limit_ms": HEARTBEAT_MS,
+            "memory_mb": MEMORY_MB,
+            "ca": ca,
+            "points": of_ca,
+            "config": {**higher.reached, "points": {point["name"]: places[point["name"]] for point in of_ca}},
+        }
+        for ca, of_ca in points.items()
+    ]
     commands = {**higher.gateway.get("commands", {}), "command_timeout": COMMAND_S}
     return {
         "clock": "system",
         "port": [],
         **higher.gateway,
         "commands": commands,
-        "modules": [module],
+        "modules": modules,
     }, left_out
 
 
@@ -101,25 +105,33 @@ def _points(
     yield point, [*place, "value"]
 
 
-def _check(points: list[Json]) -> None:
+def _check(points: dict[int, list[Json]]) -> None:
     if not points:
         raise CentreError('no station has "higher" with a common address of its list of points')
-    if len(points) > POINTS_MOST:
-        raise CentreError(
-            f"{len(points)} points are for the higher centre: a gateway's module has {POINTS_MOST}"
-        )
-    for key, what in (("name", "are called"), ("ioa", "have the address")):
-        seen: dict[str | int, str] = {}
-        for point in points:
-            other = seen.setdefault(point[key], point["name"])
-            if seen[point[key]] is not point["name"]:
-                raise CentreError(
-                    f"higher: {other} and {point['name']} {what} {point[key]}: "
-                    "give one station another number"
-                )
-    for point in points:
+    if len(points) > MODULES_MOST:
+        raise CentreError(f"higher: {len(points)} common addresses: a gateway has {MODULES_MOST} modules")
+    for ca, of_ca in points.items():
+        if len(of_ca) > POINTS_MOST:
+            raise CentreError(
+                f"higher: {len(of_ca)} points have the common address {ca}, which takes {POINTS_MOST}: "
+                'give some stations a "higher_ca" of their own'
+            )
+        _check_unlike(of_ca, "ioa", "have the address")
+    whole = [point for of_ca in points.values() for point in of_ca]
+    _check_unlike(whole, "name", "are called")
+    for point in whole:
         if len(point["name"].encode()) > NAME_MOST:
             raise CentreError(
                 f"higher: {point['name']} is longer than {NAME_MOST} octets: shorten the station's name,"
                 " or the point's"
+            )
+
+
+def _check_unlike(points: list[Json], key: str, what: str) -> None:
+    seen: dict[str | int, str] = {}
+    for point in points:
+        other = seen.setdefault(point[key], point["name"])
+        if other is not point["name"]:
+            raise CentreError(
+                f"higher: {other} and {point['name']} {what} {point[key]}: give one station another number"
             )

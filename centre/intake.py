@@ -25,7 +25,7 @@ from centre.records import (
     State,
 )
 from centre.settings import Meaning, StationSettings
-from centre.store import Database, inserted, put
+from centre.store import Database, EventRow, inserted, put
 
 SPONTANEOUS, REMOTE, LOCAL = 3, 11, 12  # causes of what is an event
 EVENTS = (SPONTANEOUS, REMOTE, LOCAL)
@@ -37,13 +37,14 @@ POINT_COLUMNS = [
     *("latitude", "longitude", "altitude", "detail"),
 ]
 STATION_COLUMNS = ["link", "reason", "error", "since_ns", "heard_ns", "sessions", "records"]
-UPDATE_POINT, UPDATE_STATION = (
-    f"UPDATE {table} SET {', '.join(f'{column} = ?' for column in columns)} WHERE id = ?"
-    for table, columns in (("points", POINT_COLUMNS), ("stations", STATION_COLUMNS))
-)
+TRACK_COLUMNS = ["point", "at_ns", "latitude", "longitude", "altitude", "quality", "detail"]
 OF_POINT, OF_STATION = attrgetter(*POINT_COLUMNS, "id"), attrgetter(*STATION_COLUMNS, "id")
 ALARM_COLUMNS = [column.name for column in fields(Alarm)]
 COMMAND_COLUMNS = [column.name for column in fields(Command)]
+
+
+def _is_tagged_event(row: EventRow) -> bool:
+    return bool(row.tagged) and row.cause in EVENTS
 
 
 class Intake:
@@ -80,19 +81,23 @@ class Intake:
 
     def _load(self, database: Database) -> None:
         """What was stored, and each station and point of the file."""
-        for name in self.settings:
-            database.execute("INSERT INTO stations (name) VALUES (?) ON CONFLICT DO NOTHING", (name,))
+        database.insert("stations", ["name"], [(name,) for name in self.settings])
         for row in database.execute("SELECT * FROM stations"):
             said = dict(row)
             settings = self.settings.get(said.pop("name")) or StationSettings(row["name"])
             said["link"] = 0
             self.model.stations[row["id"]] = Station(settings=settings, **said)
             self.by_name[row["name"]] = row["id"]
-        for name, settings in self.settings.items():
-            database.executemany(
-                "INSERT INTO points (station, ca, ioa, quality) VALUES (?, ?, ?, ?) ON CONFLICT DO NOTHING",
-                [(self.by_name[name], ca, ioa, INVALID | NOT_TOPICAL) for ca, ioa in settings.points],
-            )
+        untold = INVALID | NOT_TOPICAL
+        database.insert(
+            "points",
+            ["station", "ca", "ioa", "quality"],
+            [
+                (self.by_name[name], ca, ioa, untold)
+                for name, settings in self.settings.items()
+                for ca, ioa in settings.points
+            ],
+        )
         for row in database.execute("SELECT * FROM points"):
             point = Point(meaning=self._meaning(row["station"], row["ca"], row["ioa"]), **dict(row))
             self.model.points[point.id] = point
@@ -162,6 +167,7 @@ class Intake:
 
     def take(self, database: Database, records: Iterable[Record]) -> None:
         """Stores records, and what follows from them."""
+        said: list[Record] = []
         for record in records:
             if record.kind == Kind.STATION:
                 self._station_named(database, record)
@@ -173,19 +179,19 @@ class Intake:
             elif record.kind == Kind.INFORMATION:
                 self._heard(record)
                 if record.content != Content.INITIALISATION and not record.flags & TEST:
-                    self._information(database, record)
+                    said.append(record)
             elif record.kind == Kind.PROGRESS:
                 self._progress(database, record)
-        database.executemany(
-            "INSERT INTO track VALUES (?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING", self.places_of_tracks
-        )
+        self._information(database, said)
+        database.insert("track", TRACK_COLUMNS, self.places_of_tracks)
         self._store_heard()
         self._quality_alarms(database)
         self._store_last(database)
 
     def _store_last(self, database: Database) -> None:
-        database.executemany(UPDATE_POINT, map(OF_POINT, self.changes.points.values()))
-        database.executemany(UPDATE_STATION, map(OF_STATION, self.changes.stations.values()))
+        points, stations = self.changes.points.values(), self.changes.stations.values()
+        database.update("points", POINT_COLUMNS, [*map(OF_POINT, points)])
+        database.update("stations", STATION_COLUMNS, [*map(OF_STATION, stations)])
 
     # ---- stations ----------------------------------------------------------------------------
 
@@ -265,25 +271,50 @@ class Intake:
     def _meaning(self, station: int, ca: int, ioa: int) -> Meaning:
         return self._station(station).settings.points.get((ca, ioa)) or Meaning(f"{ca}.{ioa}")
 
-    def _information(self, database: Database, record: Record) -> None:
-        point = self._point(database, record)
-        at_ns = record.tag_ns if record.tagged else record.received_ns
-        value, quality = record.value, record.quality
-        if not math.isfinite(value):  # a float of the wire may be no number: neither JSON nor a chart has it
-            value, quality = point.value or 0.0, quality | INVALID
-        changed = (value, quality) != (point.value, point.quality) or not point.at_ns
-        if changed or record.cause in EVENTS:
-            stored = database.execute(
-                "INSERT INTO history (point, at_ns, received_ns, value, quality, cause, tagged)"
-                " VALUES (?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING",
-                (point.id, at_ns, record.received_ns, value, quality, record.cause, record.tagged),
+    def _information(self, database: Database, records: list[Record]) -> None:
+        """Events first, all at once. One that came before, and whose acknowledgement did not reach the
+        station, says nothing.
+        """
+        rows = self._rows(database, records)
+        is_new = iter(database.insert_events([row for row in rows if _is_tagged_event(row)]))
+        without_tag: list[EventRow] = []
+        for record, row in zip(records, rows, strict=True):
+            point = self.changes.points.get(row.point) or self.model.points[row.point]
+            changed = (row.value, row.quality) != (point.value, point.quality) or not point.at_ns
+            if _is_tagged_event(row):
+                told = next(is_new)
+            elif row.tagged and changed:
+                [told] = database.insert_events([row])
+            else:
+                told = True
+                if changed or row.cause in EVENTS:
+                    without_tag.append(row)
+            if told:
+                self._value(database, point, record, row)
+        database.insert("history", EventRow._fields, without_tag)
+
+    def _rows(self, database: Database, records: list[Record]) -> list[EventRow]:
+        rows = []
+        last: dict[int, float] = {}
+        for record in records:
+            point = self._point(database, record)
+            at_ns = record.tag_ns if record.tagged else record.received_ns
+            value, quality = record.value, record.quality
+            if not math.isfinite(value):  # of a float of the wire: neither JSON nor a chart has it
+                value, quality = last.get(point.id, point.value or 0.0), quality | INVALID
+            last[point.id] = value
+            rows.append(
+                EventRow(
+                    point.id, at_ns, value, quality, record.received_ns, record.cause, int(record.tagged)
+                )
             )
-            if not stored.rowcount:
-                return  # it came before, and its acknowledgement did not reach the station
+        return rows
+
+    def _value(self, database: Database, point: Point, record: Record, row: EventRow) -> None:
         point = Point(
             point.id, point.station, point.ca, point.ioa, point.meaning,
-            record.content, value, quality, record.cause,
-            at_ns, record.received_ns, int(record.tagged),
+            record.content, row.value, row.quality, row.cause,
+            row.at_ns, row.received_ns, row.tagged,
             point.latitude, point.longitude, point.altitude, record.detail,
         )  # fmt: skip
         self.changes.points[point.id] = point

@@ -80,9 +80,12 @@ class Point:
         return self.content == Content.POSITION
 
     def view(self) -> Json:
+        return {"station": self.station, **self.listed(), **self.told()}
+
+    def listed(self) -> Json:
+        """What it is, whatever it says."""
         meaning = self.meaning
         return {
-            "station": self.station,
             "ca": self.ca,
             "ioa": self.ioa,
             "name": meaning.name,
@@ -92,7 +95,7 @@ class Point:
             "selects": meaning.selects,
             "minimum": meaning.minimum,
             "maximum": meaning.maximum,
-            **self.told(),
+            "content": self._content(),
         }
 
     def news(self) -> Json:

@@ -18,13 +18,14 @@ from typing import Any, TypeVar
 import asyncpg
 
 from centre.errors import CentreError, StoreError
-from centre.store import READERS, Answer, Database, Row, Store
+from centre.store import READERS, Answer, Database, EventRow, Row, Store
 
 T = TypeVar("T")
 
 WEEK_NS = 7 * 86400 * 10**9
 WEEKS_BACK, WEEKS_AHEAD = 8, 2  # of what is said now; all else is of a wrong clock, or very late
 BY_WEEKS = ("history", "track")
+EVENT_KEY = EventRow._fields[:4]
 LOCK = 0x4F52_5455  # one centre works on a database
 CONNECT_S = 10.0
 ANSWER_S = 60.0  # of a statement; a server that is slower is as good as gone
@@ -150,6 +151,21 @@ MIGRATIONS = (
     """,
 )
 
+# Of a database that has PostGIS, for those who read: QGIS, distances. In degrees of WGS 84, and metres.
+GEOMETRY = """
+    CREATE OR REPLACE VIEW {view} AS
+    SELECT points.id AS point, stations.name AS station, points.ca, points.ioa, {of}.quality,
+        to_timestamp({of}.at_ns / 1e9) AS at,
+        {schema}.ST_SetSRID({schema}.ST_MakePoint({of}.longitude / 1e7::float8, {of}.latitude / 1e7::float8,
+            {of}.altitude / 10::float8), 4326)::{schema}.geometry(PointZ, 4326) AS place
+    FROM {tables} JOIN stations ON stations.id = points.station
+    WHERE {of}.latitude IS NOT NULL
+"""
+VIEWS = (
+    ("places", "points", "points"),  # the last of each
+    ("track_places", "track", "track JOIN points ON points.id = track.point"),
+)
+
 
 @cache
 def numbered(sql: str) -> str:
@@ -182,6 +198,7 @@ class Session:
     loop: asyncio.AbstractEventLoop
     weeks: dict[str, set[int]] = field(default_factory=dict)  # that are partitions
     _prepared: dict[str, Any] = field(default_factory=dict)
+    _unnested: dict[tuple[str, ...], str] = field(default_factory=dict)
 
     def do(self, work: Coroutine[Any, Any, T]) -> T:
         return self.loop.run_until_complete(work)
@@ -201,6 +218,41 @@ class Session:
         rows = list(parameters)
         if rows:
             self.do(self._statement(sql).executemany(rows))
+
+    def _rows_of(self, table: str, columns: Sequence[str]) -> str:
+        """The rows of a statement that has an array for each column: one question, however many they are."""
+        key = (table, *columns)
+        if key not in self._unnested:
+            answered = self._statement(f"SELECT {', '.join(columns)} FROM {table}").get_attributes()
+            arrays = ", ".join(f"?::{column.type.name}[]" for column in answered)
+            self._unnested[key] = f"unnest({arrays}) AS new ({', '.join(columns)})"
+        return self._unnested[key]
+
+    def _insert(
+        self, table: str, columns: Sequence[str], rows: Sequence[Sequence[Any]], returning: str = ""
+    ) -> list[Any]:
+        if not rows:
+            return []
+        sql = (
+            f"INSERT INTO {table} ({', '.join(columns)}) SELECT * FROM {self._rows_of(table, columns)}"
+            f" ON CONFLICT DO NOTHING {returning}"
+        )
+        return self.execute(sql, [*zip(*rows, strict=True)]).rows
+
+    def insert(self, table: str, columns: Sequence[str], rows: Sequence[Sequence[Any]], /) -> None:
+        self._insert(table, columns, rows)
+
+    def insert_events(self, rows: Sequence[EventRow], /) -> list[bool]:
+        """Of two that are the same the first one is new."""
+        key = f"RETURNING {', '.join(EVENT_KEY)}"
+        new = {tuple(row): True for row in self._insert("history", EventRow._fields, rows, key)}
+        return [new.pop(row[: len(EVENT_KEY)], False) for row in rows]
+
+    def update(self, table: str, columns: Sequence[str], rows: Sequence[Sequence[Any]], /) -> None:
+        if rows:
+            following = ", ".join(f"{column} = new.{column}" for column in columns)
+            sql = f"UPDATE {table} SET {following} FROM {self._rows_of(table, [*columns, 'id'])}"
+            self.execute(f"{sql} WHERE {table}.id = new.id", [*zip(*rows, strict=True)])
 
     def script(self, text: str) -> None:
         self.do(self.connection.execute(text))
@@ -254,6 +306,7 @@ class PostgresStore(Store):
             _migrate(session)
             if self.alone:
                 self._make_weeks(session)
+                _show_geometry(session)
             session.script("COMMIT")
         except FAULTS as error:
             connection.terminate()
@@ -384,6 +437,13 @@ def _weeks(session: Session, table: str) -> list[int]:
         (table,),
     )
     return [int(name.rpartition("_")[2]) for (name,) in rows if not name.endswith("_other")]
+
+
+def _show_geometry(session: Session) -> None:
+    sql = "SELECT extnamespace::regnamespace::text FROM pg_extension WHERE extname = 'postgis'"
+    for (schema,) in session.execute(sql):
+        for view, of, tables in VIEWS:
+            session.script(GEOMETRY.format(view=view, of=of, tables=tables, schema=schema))
 
 
 def _migrate(session: Session) -> None:

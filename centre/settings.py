@@ -50,6 +50,7 @@ STATION = {
         "additionalProperties": False,
         "patternProperties": {"^[0-9]{1,5}$": {"type": "integer", "minimum": 0, "maximum": 13_000_000}},
     },
+    "higher_ca": {"type": "integer", "minimum": 1, "maximum": 65534},
     "alarms": {"type": "object", "additionalProperties": ALARM},
 }
 PLACE = STATION["location"]
@@ -213,6 +214,7 @@ class StationSettings:
     higher: dict[int, int] = field(
         default_factory=dict
     )  # for a higher centre, by common address: added to an IOA
+    higher_ca: int | None = None  # by which it sees this station; None: as all
 
 
 @dataclass(frozen=True)
@@ -449,6 +451,7 @@ def _station(station: Json, folder: Path) -> StationSettings:
         points,
         station.get("release", False),
         {int(ca): added for ca, added in station.get("higher", {}).items()},
+        station.get("higher_ca"),
     )
 
 

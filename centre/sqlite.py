@@ -6,13 +6,13 @@ from __future__ import annotations
 import asyncio
 import sqlite3
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 from centre.errors import CentreError, StoreError
-from centre.store import READERS, Answer, Database, Row, Store
+from centre.store import READERS, Answer, Database, EventRow, Row, Store
 
 BUSY_S = 30.0
 CACHE_KIB = 16 * 1024
@@ -125,6 +125,28 @@ MIGRATIONS = (
 )
 
 
+def _inserting(table: str, columns: Sequence[str]) -> str:
+    places = ", ".join("?" * len(columns))
+    return f"INSERT INTO {table} ({', '.join(columns)}) VALUES ({places}) ON CONFLICT DO NOTHING"
+
+
+INSERT_EVENT = _inserting("history", EventRow._fields)
+
+
+class Session(sqlite3.Connection):
+    """No server is asked, so a statement for each row costs little."""
+
+    def insert(self, table: str, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+        self.executemany(_inserting(table, columns), rows)
+
+    def insert_events(self, rows: Sequence[EventRow]) -> list[bool]:
+        return [self.execute(INSERT_EVENT, row).rowcount == 1 for row in rows]
+
+    def update(self, table: str, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+        following = ", ".join(f"{column} = ?" for column in columns)
+        self.executemany(f"UPDATE {table} SET {following} WHERE id = ?", rows)
+
+
 class SqliteStore(Store):
     """An open file. Raises CentreError when it cannot be opened."""
 
@@ -135,7 +157,7 @@ class SqliteStore(Store):
         self.path = path
         self._readers = ThreadPoolExecutor(READERS, "store-reader")
         self._reading = threading.local()
-        self._opened: list[sqlite3.Connection] = []
+        self._opened: list[Session] = []
         try:
             self.database = self._connect()
             self.database.execute("PRAGMA journal_mode = WAL")
@@ -146,8 +168,10 @@ class SqliteStore(Store):
                 f"{path}: {error}; is its folder there and writable, and no other centre at work on it?"
             ) from error
 
-    def _connect(self) -> sqlite3.Connection:
-        database = sqlite3.connect(self.path, BUSY_S, isolation_level=None, check_same_thread=False)
+    def _connect(self) -> Session:
+        database = sqlite3.connect(
+            self.path, BUSY_S, isolation_level=None, check_same_thread=False, factory=Session
+        )
         database.row_factory = sqlite3.Row
         database.execute(f"PRAGMA cache_size = -{CACHE_KIB}")
         database.execute("PRAGMA foreign_keys = ON")

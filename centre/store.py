@@ -8,12 +8,24 @@ import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 Answer = TypeVar("Answer")
 Row = dict[str, Any]
 
 READERS = 2
+
+
+class EventRow(NamedTuple):
+    """A row of history. The first four say which event it is, if it has a time tag."""
+
+    point: int
+    at_ns: int
+    value: float
+    quality: int
+    received_ns: int
+    cause: int
+    tagged: int
 
 
 class Answered(Protocol):
@@ -36,6 +48,15 @@ class Database(Protocol):
     def execute(self, sql: str, parameters: Sequence[Any] = ..., /) -> Answered: ...
 
     def executemany(self, sql: str, parameters: Iterable[Sequence[Any]], /) -> Any: ...
+
+    def insert(self, table: str, columns: Sequence[str], rows: Sequence[Sequence[Any]], /) -> None:
+        """All at once; a row that is there already is left out."""
+
+    def insert_events(self, rows: Sequence[EventRow], /) -> list[bool]:
+        """All at once; of each, whether it was not there already."""
+
+    def update(self, table: str, columns: Sequence[str], rows: Sequence[Sequence[Any]], /) -> None:
+        """All at once, each by its id, which stands behind the columns."""
 
 
 class Store(ABC):

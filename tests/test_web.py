@@ -29,6 +29,7 @@ from web import (
     Client,
     Page,
     configuration,
+    make_certificate,
     make_user,
     page_of,
 )
@@ -341,6 +342,69 @@ def test_a_slow_client_is_closed(page: Page, viewer: Client) -> None:
         row["counter"]: row["value"] for row in viewer.rows("/api/counters") if row["module"] == "rtu-web"
     }
     assert counters["connections_late"] >= 1
+
+
+def counter(page: Page, name: str) -> int:
+    return next(
+        row["value"]
+        for row in page.gateway.query("counters")
+        if (row["module"], row["counter"]) == ("rtu-web", name)
+    )
+
+
+def unfinished(page: Page, source: str) -> socket.socket:
+    """The beginning of a handshake, and no more."""
+    connection = socket.create_connection(("127.0.0.1", page.port), source_address=(source, 0))
+    connection.sendall(b"\x16\x03\x01")
+    return connection
+
+
+def test_unfinished_handshakes_keep_nobody_out(page: Page) -> None:
+    before = counter(page, "connections")
+    with contextlib.ExitStack() as held:
+        for source in ("127.0.0.3", "127.0.0.4"):
+            for _ in range(OF_ADDRESS):
+                held.enter_context(unfinished(page, source))
+        page.gateway.wait_for(
+            lambda: counter(page, "connections") >= before + 2 * OF_ADDRESS, WAIT_S, "all places are taken"
+        )
+        late = counter(page, "connections_late")
+        assert page.client("viewer").ask("/api/state").status == 200
+        assert counter(page, "connections_late") > late
+
+
+@pytest.mark.slow
+def test_a_handshake_has_less_time_than_a_request(page: Page) -> None:
+    with secure(page) as silent, unfinished(page, "127.0.0.3") as waiting:
+        waiting.settimeout(WAIT_S)
+        assert waiting.recv(10) == b""
+        silent.setblocking(False)
+        with pytest.raises(ssl.SSLWantReadError):  # it is open yet
+            silent.recv(10)
+
+
+def test_a_new_certificate_needs_no_restart(page: Page) -> None:
+    """A session goes on with it. One that does not do leaves the old one in force."""
+    engineer = page.client("engineer")
+    old = (page.folder / "web.pem").read_text()
+    made = page.folder / "new"
+    made.mkdir()
+    make_certificate(made)
+    (made / "web.key").replace(page.folder / "web.key")
+    (made / "web.pem").replace(page.folder / "web.pem")
+
+    def shown() -> str:
+        return ssl.get_server_certificate(("127.0.0.1", page.port))
+
+    page.gateway.wait_for(lambda: shown() == (page.folder / "web.pem").read_text(), WAIT_S, "it is in force")
+    again = page.client()
+    again.cookie = engineer.cookie
+    assert again.ask("/api/state").status == 200
+    in_force = shown()
+    (page.folder / "web.pem").write_text(old)
+    page.gateway.wait_for(lambda: "not in force" in page.gateway.ctl("log"), WAIT_S, "the log says so")
+    assert shown() == in_force
+    (page.folder / "web.pem").write_text(in_force)
 
 
 def test_nothing_of_this_has_ended_it(page: Page) -> None:

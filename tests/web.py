@@ -57,16 +57,21 @@ def configuration(folder: Path, port: int, *, secure: bool = True, **keys: Any) 
     return {"port": [{"value": 1, "active": 1, **pace, "slaves": [slave]}], "web": web}
 
 
-def make_files(folder: Path) -> None:
-    """A certificate, its key, and the users, as an engineer brings them."""
+def make_certificate(folder: Path) -> None:
+    """And its key."""
     openssl(
         *("req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-days", "2"),
         *("-keyout", folder / "web.key", "-out", folder / "web.pem", "-subj", "/CN=substation-7"),
         *("-addext", "subjectAltName=IP:127.0.0.1"),
     )
+    give_to_station(folder / "web.key", WEB_USER)
+
+
+def make_files(folder: Path) -> None:
+    """As an engineer brings them."""
+    make_certificate(folder)
     for role in ("viewer", "operator", "engineer"):
         make_user(folder / "web.users", role, role)
-    give_to_station(folder / "web.key", WEB_USER)
 
 
 @dataclass

@@ -32,7 +32,7 @@ from lab.master import Master, Report
 from lab.modules import library
 from lab.vehicles import M_ME_TF_1, POSITION, Station, measured, position
 
-CA, ADDED = 500, 1000
+CA, OWN_CA, ADDED = 500, 501, 1000
 PLACE, PUMP, LAMP, LEVEL = (ADDED + ioa for ioa in range(1, 5))
 LISTED = POINTS.replace("1,1,,,place", "1,1,position,,place")
 LONGITUDE = PLACE + 1_000_000
@@ -70,14 +70,14 @@ class City:
     site: Site
     service: Service
 
-    def sees(self, ioa: int) -> Report | None:
+    def sees(self, ioa: int, ca: int = CA) -> Report | None:
         """As it was told last."""
-        told = [each for each in self.master.reports_since(0) if (each.ca, each.ioa) == (CA, ioa)]
+        told = [each for each in self.master.reports_since(0) if (each.ca, each.ioa) == (ca, ioa)]
         return told[-1] if told else None
 
-    def wait(self, ioa: int, value: Any, quality: str = "good") -> Report:
+    def wait(self, ioa: int, value: Any, quality: str = "good", ca: int = CA) -> Report:
         def there() -> Report | None:
-            report = self.sees(ioa)
+            report = self.sees(ioa, ca)
             same = report and report.quality == quality and report.value == pytest.approx(value, rel=1e-6)
             return report if same else None
 
@@ -89,11 +89,18 @@ class City:
 
 @pytest.fixture(scope="module")
 def city(
-    programs: Path, stations: Stations, north: Station, tmp_path_factory: pytest.TempPathFactory
+    programs: Path,
+    stations: Stations,
+    north: Station,
+    south: Station,
+    tmp_path_factory: pytest.TempPathFactory,
 ) -> Iterator[City]:
     folder = tmp_path_factory.mktemp("town")
     higher = {"ca": CA, "token_file": "token", "gateway": listening_on({}, free_port())}
-    here = [described(north, folder, points=LISTED, higher={"1": ADDED})]
+    here = [
+        described(north, folder, points=LISTED, higher={"1": ADDED}),
+        described(south, folder, "south", LISTED, higher={"1": ADDED}, higher_ca=OWN_CA),
+    ]
     stations.say(north, 1, POSITION, position(int(time.time() * 1000), 44.8125, 20.4612))
     service = Service()
     (folder / "secret").write_text("a secret\n")
@@ -109,7 +116,8 @@ def city(
     ) as site:
         (folder / "token").write_text(site.run("token", "olga", "--label", "the city"))
         configuration = json.loads(site.run("station"))
-        configuration["modules"][0]["program"] = str(program)
+        for module in configuration["modules"]:
+            module["program"] = str(program)
         made = Gateway(configuration, directory)
         if os.geteuid() == 0:  # this Python is where only root may be
             made.options = ["--uid-base", "0"]
@@ -137,6 +145,16 @@ def test_the_city_sees_the_towns_points(city: City, stations: Stations, north: S
     assert [(each.value, each.quality) for each in events] == [(1.5, "good"), (2.5, "good"), (1.5, "Blocked")]
     times = [each.recorded_at.timestamp() * 1000 for each in events if each.recorded_at]
     assert times == pytest.approx([at_ms, at_ms + 7, at_ms + 9], abs=2)
+
+
+def test_a_station_may_have_a_common_address_of_its_own(
+    city: City, stations: Stations, south: Station
+) -> None:
+    """It is a second module of the gateway, as of more points than one can have."""
+    stations.say(south, 4, M_ME_TF_1, measured(int(time.time() * 1000), 7.5))
+    city.wait(LEVEL, 7.5, ca=OWN_CA)
+    assert city.master.command(OWN_CA, LAMP, "C_SC_NA_1", c104.SingleCmd(on=True), select=False)
+    assert south.commanded[-1] == (3, 1)
 
 
 def test_a_service_is_told_where_the_vehicle_is(city: City) -> None:
@@ -246,7 +264,7 @@ def test_frames_that_are_none_are_told_as_they_are() -> None:
 
 
 def test_what_cannot_be_told_is_refused(tmp_path: Path) -> None:
-    """Two points of one address, no station at all, a name that is too long."""
+    """Two points of one address, no station at all, a long name, more points than modules have."""
 
     def told(points: str, **keys: Any) -> Any:
         (tmp_path / "p.csv").write_text("ca,ioa,type,name\n" + points)
@@ -261,6 +279,8 @@ def test_what_cannot_be_told_is_refused(tmp_path: Path) -> None:
         told("1,1,M_SP_NA_1,a\n")
     with pytest.raises(CentreError, match="longer than 39"):
         told(f"1,1,M_SP_NA_1,{'a' * 34}\n", higher={"1": 0})
+    with pytest.raises(CentreError, match="1025 points have the common address 7, which takes 1024"):
+        told("".join(f"1,{ioa},M_SP_NA_1,p{ioa}\n" for ioa in range(1025)), higher={"1": 0})
     configuration, left_out = told("1,1,,a\n1,2,M_SP_NA_1,b b\n", higher={"1": 0})
     assert [point["name"] for point in configuration["modules"][0]["points"]] == ["north/b-b"]
     assert left_out == ["north: a: its list says no type"]

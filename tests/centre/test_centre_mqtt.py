@@ -20,7 +20,8 @@ from control_room import Site, Stations, described, free_port, until
 from lab.centre_client import LIMIT_S
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, Station, measured, single
 
-LEVEL = "openrtu/station/north%2Fone/point/1/4"
+NORTH = "station/north%2Fone"
+LEVEL = f"openrtu/{NORTH}/point/1/4"
 
 
 class Broker:
@@ -130,12 +131,21 @@ def test_all_that_changes_and_birth_and_death(
     pump = {"station": "north/one", "ca": 1, "ioa": 2, "value": 1, "id": "first"}
     with Site(programs, tmp_path, here, users=(), centre={"mqtt": settings(broker)}) as site:
         until(lambda: said("centre").get("online"), "birth")
-        until(lambda: said("station/north%2Fone").get("link") == 3, "its link")
+        until(lambda: said(NORTH).get("link") == 3, "its link")
+        birth = until(lambda: said(f"{NORTH}/birth").get("online") and said(f"{NORTH}/birth"), "its birth")
+        assert {"level", "pump"} <= {point["name"] for point in birth["points"]}
         say(2.5)
         stations.say(station, 5, M_SP_TB_1, single(time.time_ns() // 1_000_000, True))
         fire = until(lambda: [each for each, _ in broker.heard if "/alarm/" in each], "an alarm")
         assert broker.kept(fire[0])["station"] == "north/one"
         assert broker.kept(LEVEL)["name"] == "level"
+
+        stations.do(station.stop())
+        until(lambda: said(f"{NORTH}/birth") == {"online": False}, "its death")
+        stations.do(station.listen())
+        until(lambda: said(f"{NORTH}/birth").get("online"), "its birth")
+        broker.say("centre", '{"online": false}', "-r")  # as the will of an old connection says it
+        until(lambda: said("centre").get("online"), "it lives")
 
         broker.say("do", json.dumps(pump))  # commands are not configured
         say(2.75)

@@ -3,6 +3,7 @@
 
 import contextlib
 import doctest
+import subprocess
 import time
 from collections.abc import Iterator
 
@@ -113,6 +114,39 @@ def test_one_centre_works_on_a_database(
     with pytest.raises(CentreError, match="another centre works on this database: stop it"):
         PostgresStore(address, alone=True)
     PostgresStore(address, alone=False).close()  # the command line adds a user meanwhile
+
+
+def test_places_are_geometry_where_there_is_postgis(postgresql: Server) -> None:
+    """In metres as PostGIS counts them; and as GDAL sees a layer, by which QGIS reads it."""
+    address = postgresql.new_database()
+    postgresql.rows("CREATE SCHEMA gis; CREATE EXTENSION postgis SCHEMA gis")
+
+    def put(database: Database) -> None:
+        database.insert("stations", ["id", "name"], [(7, "van")])
+        place = 448125000, 204612000, 1170
+        names = ["latitude", "longitude", "altitude"]
+        database.insert(
+            "points",
+            ["id", "station", "ca", "ioa", *names],
+            [(3, 7, 1, 1, *place), (4, 7, 1, 2, *[None] * 3)],
+        )
+        database.insert("track", ["point", "at_ns", *names, "quality", "detail"], [(3, NOW, *place, 0, 1)])
+
+    with contextlib.closing(PostgresStore(address, alone=True)) as store:
+        store.transaction(put)
+    for view in ("places", "track_places"):
+        sql = (
+            "SET search_path TO public, gis; SELECT station, ST_AsText(place),"
+            f" ST_Distance(place::geography, ST_MakePoint(20.4612, 44.8215)::geography)::int FROM {view}"
+        )
+        assert postgresql.rows(sql) == [("van", "POINT Z (20.4612 44.8125 117)", "1000")]
+    where = f"PG:host={postgresql.folder} user=centre dbname={postgresql.name} schemas=public,gis"
+    said = subprocess.run(
+        ["ogrinfo", "-so", where, "track_places"], capture_output=True, text=True, check=True
+    )
+    assert "Geometry: 3D Point" in said.stdout
+    assert 'ID["EPSG",4326]' in said.stdout
+    assert "Feature Count: 1" in said.stdout
 
 
 def test_newer_database_and_no_server(postgresql: Server) -> None:

@@ -10,19 +10,24 @@ from pathlib import Path
 import pytest
 
 from centre import settings
-from centre.__main__ import tls_context
+from centre.certificate import tls_context
 from centre.errors import CentreError
 from control_room import ROOT, free_port, until
 from lab.centre_client import AnswerError, Client
 
 
-@pytest.fixture
-def file(tmp_path: Path) -> Path:
-    """The centre's, with a certificate for 127.0.0.1."""
+def make_pair(folder: Path) -> None:
+    """A certificate for 127.0.0.1."""
     command = ["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes"]
     command += ["-keyout", "key.pem", "-out", "certificate.pem", "-days", "2", "-subj", "/CN=centre"]
     command += ["-addext", "subjectAltName=IP:127.0.0.1"]
-    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
+    subprocess.run(command, cwd=folder, check=True, capture_output=True)
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    """The centre's, with a certificate."""
+    make_pair(tmp_path)
     tls = {"certificate": "certificate.pem", "key": "key.pem"}
     made = tmp_path / "centre.json"
     made.write_text(json.dumps({"stations": [], "centre": {"port": free_port(), "tls": tls}}))
@@ -43,12 +48,24 @@ def status(port: int, context: ssl.SSLContext) -> int:
 def test_https_by_a_file(file: Path) -> None:
     what = settings.load(file)
     assert what.secure  # the cookie
-    with subprocess.Popen([sys.executable, "-m", "centre", file, "serve"], cwd=ROOT) as centre:
+    log = file.with_suffix(".log")
+    serving = [sys.executable, "-m", "centre", file, "serve"]
+    with log.open("w") as said, subprocess.Popen(serving, cwd=ROOT, stderr=said) as centre:
         try:
             ours = ssl.create_default_context(cafile=file.parent / "certificate.pem")
             until(lambda: status(what.port, ours) == 401, "it answers")
             with pytest.raises(ssl.SSLCertVerificationError):
                 status(what.port, ssl.create_default_context())
+
+            def shown() -> str:
+                return ssl.get_server_certificate(("127.0.0.1", what.port))
+
+            make_pair(file.parent)
+            second = (file.parent / "certificate.pem").read_text()
+            until(lambda: shown() == second, "another certificate")
+            (file.parent / "key.pem").write_text("nothing")
+            until(lambda: "not in force" in log.read_text(), "a key that is none")
+            assert shown() == second
         finally:
             centre.terminate()
 
@@ -57,4 +74,6 @@ def test_https_by_a_file(file: Path) -> None:
 def test_files_that_are_none(file: Path, wrong: str) -> None:
     (file.parent / f"{wrong}.pem").write_text("nothing")
     with pytest.raises(CentreError, match=rf"tls: .*{wrong}\.pem.*in PEM and a pair\?"):
-        tls_context(settings.load(file))
+        tls = settings.load(file).tls
+        assert tls
+        tls_context(tls)

@@ -11,7 +11,9 @@ import { age, t, time } from "./words.js";
 maplibre.setWorkerUrl(new URL("../vendor/maplibre-gl-worker.mjs", import.meta.url).href);
 
 const LIST_MOST = 200; // in the list beside the map; who looks for another one searches
+const LABELS_MOST = 1000; // more markers are told by shape and colour, until fewer are in sight: few of their texts would find room
 const LOOK_MS = 250; // after the map has moved
+const TICK_MS = 1000;
 const TRACK_MS = 5000; // a track is asked for again no more often
 const SIZE = 44; // of a symbol: two for each pixel
 const METRES_A_DEGREE = 111195;
@@ -126,14 +128,29 @@ function inOrder() {
       const sorted = [...all].sort((a, b) => compare(a.name, b.name));
       rank = new Map(sorted.map((place, number) => [place.id, number]));
     }
-    return [...all].sort((a, b) => rank.get(a.id) - rank.get(b.id));
+    const ordered = new Array(all.length);
+    for (const place of all) ordered[rank.get(place.id)] = place;
+    return ordered;
   };
 }
 
-function feature(place, now) {
-  const label = place.kind === "good" ? place.name : `${place.name}\n${place.word}, ${age(now - place.at)}`;
+function labelOf(place, now) {
+  return place.kind === "good" ? place.name : `${place.name}\n${place.word}, ${age(now - place.at)}`;
+}
+
+function feature(place, label) {
   return { type: "Feature", properties: { id: place.id, icon: `${place.kind}${place.fixed ? "-fixed" : ""}`, label },
     geometry: { type: "Point", coordinates: place.lngLat } };
+}
+
+// What of a marker differs, as the map wants to know it; null: nothing does.
+function difference(before, each) {
+  const [longitude, latitude] = each.geometry.coordinates;
+  const moved = before.geometry.coordinates[0] !== longitude || before.geometry.coordinates[1] !== latitude;
+  const others = Object.entries(each.properties).filter(([key, value]) => before.properties[key] !== value);
+  if (!moved && !others.length) return null;
+  return { id: each.properties.id, ...(moved ? { newGeometry: each.geometry } : {}),
+    ...(others.length ? { addOrUpdateProperties: others.map(([key, value]) => ({ key, value })) } : {}) };
 }
 
 export function showMap(main) {
@@ -151,14 +168,15 @@ export function showMap(main) {
     h("div", { class: "map" }, canvas, legend, about, replay.element));
 
   const map = new maplibre.Map({ container: canvas, style: style(), center: [15, 47], zoom: 3.2, attributionControl: false,
-    dragRotate: false, pitchWithRotate: false, maxZoom: 17, renderWorldCopies: true });
+    dragRotate: false, pitchWithRotate: false, maxZoom: 17, renderWorldCopies: true,
+    fadeDuration: 0 }); // markers move each second: texts that fade would have the whole map drawn all the time
   window.openrtuMap = map; // for whoever looks in the browser's console, and the tests
   map.touchZoomRotate.disableRotation();
   map.addControl(new maplibre.NavigationControl({ showCompass: false }));
   map.addControl(new maplibre.ScaleControl(), "bottom-right");
   map.addControl(new maplibre.AttributionControl({ customAttribution: "Natural Earth", compact: false }), "bottom-right");
 
-  const drawn = new Map(); // by id: what the map has, as text
+  const drawn = new Map(); // by id: what the map has
   const chosen = { id: "", follow: false, asked: 0, at: 0 };
   const clock = () => (replay.active ? replay.at : live.now());
   const found = () => (replay.active ? replay.places() : places());
@@ -187,27 +205,29 @@ export function showMap(main) {
   function draw(all) {
     if (!ready) return;
     const marks = map.getSource("marks");
+    const now = clock();
+    const few = all.length <= LABELS_MOST;
+    const made = (place) => feature(place, few || place.id === chosen.id ? labelOf(place, now) : "");
     if (!drawn.size) {
-      const features = all.map((place) => feature(place, clock()));
-      features.forEach((each) => drawn.set(each.properties.id, JSON.stringify(each)));
+      const features = all.map(made);
+      features.forEach((each) => drawn.set(each.properties.id, each));
       marks.setData({ type: "FeatureCollection", features });
       return;
     }
-    const difference = { add: [], remove: [], update: [] };
+    const news = { add: [], remove: [], update: [] };
     const here = new Set();
     for (const place of all) {
-      const each = feature(place, clock());
-      const text = JSON.stringify(each);
+      const each = made(place);
       here.add(place.id);
       const before = drawn.get(place.id);
-      if (before === text) continue;
-      drawn.set(place.id, text);
-      if (before === undefined) difference.add.push(each);
-      else difference.update.push({ id: place.id, newGeometry: each.geometry,
-        addOrUpdateProperties: Object.entries(each.properties).map(([key, value]) => ({ key, value })) });
+      const differs = before && difference(before, each);
+      if (before && !differs) continue;
+      drawn.set(place.id, each);
+      if (before) news.update.push(differs);
+      else news.add.push(each);
     }
-    for (const id of drawn.keys()) if (!here.has(id)) { difference.remove.push(id); drawn.delete(id); }
-    if (difference.add.length || difference.remove.length || difference.update.length) marks.updateData(difference);
+    for (const id of drawn.keys()) if (!here.has(id)) { news.remove.push(id); drawn.delete(id); }
+    if (news.add.length || news.remove.length || news.update.length) marks.updateData(news);
   }
 
   // The centre tells what this part of the map has, the chosen one and what is searched; and where all of them are.
@@ -323,12 +343,14 @@ export function showMap(main) {
   }
 
   const ordered = inOrder();
+  let updated = 0;
   function update(said) {
+    updated = performance.now();
     const all = found();
     if (said?.extent && fits) fit(said.extent);
     draw(all);
     const words = search.value.toLocaleLowerCase();
-    const fitting = ordered(all).filter((place) => place.name.toLocaleLowerCase().includes(words));
+    const fitting = words ? ordered(all).filter((place) => place.name.toLocaleLowerCase().includes(words)) : ordered(all);
     rows.show(fitting.slice(0, LIST_MOST).map((place) => [place.id, place]));
     const others = (replay.active ? all.length : Math.max(live.centre.vehicles, all.length)) - Math.min(fitting.length, LIST_MOST);
     setText(more, others > 0 && !words ? t("more_search", { n: others }) : "");
@@ -350,7 +372,7 @@ export function showMap(main) {
   const themed = () => { ready = false; map.setStyle(style(own), { diff: false }); map.once("style.load", dress); };
   addEventListener("theme", themed);
   const unwatch = live.watch(update);
-  const tick = setInterval(update, 1000);
+  const tick = setInterval(() => { if (performance.now() - updated > TICK_MS / 2) update(); }, TICK_MS); // ages grow
   look();
   if (live.session.tiles) {
     readTiles(maplibre).then((said) => {

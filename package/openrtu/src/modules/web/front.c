@@ -9,12 +9,14 @@
 #include <unistd.h>
 
 #include "channel/tls_context.h"
+#include "channel/tls_files.h"
 #include "map/address.h"
 
 #define PIPE_SIZE          4096
 #define ROUNDS             8 /* of one connection before the others have their turn */
 #define CONNECTIONS_A_TURN 8
 #define RESUMPTION_S       3600
+#define FILES_NS           (5 * NS_PER_S) /* between two looks at the certificate */
 
 struct octets {
 	uint8_t octets[PIPE_SIZE];
@@ -37,7 +39,9 @@ static struct map *map;
 static const struct web_settings *settings;
 static struct web_stats *stats;
 static front_taker *taker;
+static struct iec104_tls tls = {.versions = IEC104_TLS_1_2 | IEC104_TLS_1_3, .resumption_s = RESUMPTION_S};
 static SSL_CTX *context;
+static int64_t next_files_ns;
 static int listener;
 
 static void count(enum web_counter counter)
@@ -156,11 +160,19 @@ static bool carry_out(struct front *front)
 	return went > 0;
 }
 
-static bool shake_hands(struct front *front)
+static void late(struct front *front)
+{
+	count(WEB_COUNT_LATE);
+	end(front);
+}
+
+static bool shake_hands(struct front *front, int64_t now_ns)
 {
 	const ssize_t result = of_tls(front, SSL_accept(front->tls));
 
 	front->ready = result > 0;
+	if (front->ready)
+		front->deadline_ns = now_ns + FRONT_LATE_S * NS_PER_S;
 	if (result < 0) {
 		count(WEB_COUNT_DAMAGED);
 		end(front);
@@ -168,11 +180,11 @@ static bool shake_hands(struct front *front)
 	return front->ready;
 }
 
-static void carry(struct front *front)
+static void carry(struct front *front, int64_t now_ns)
 {
 	bool more = true;
 
-	if (!front->ready && !shake_hands(front))
+	if (!front->ready && !shake_hands(front, now_ns))
 		return;
 	for (unsigned i = 0; i < ROUNDS && more; i++) {
 		more = carry_in(front);
@@ -183,6 +195,17 @@ static void carry(struct front *front)
 }
 
 /* ---- who comes --------------------------------------------------------------------------- */
+
+/* The one whose handshake is unfinished for longest. NULL: all have shaken hands. */
+static struct front *slowest_handshake(void)
+{
+	struct front *slowest = NULL;
+
+	for (unsigned i = 0; i < FRONTS_MAX; i++)
+		if (!fronts[i].ready && (slowest == NULL || fronts[i].deadline_ns < slowest->deadline_ns))
+			slowest = &fronts[i];
+	return slowest;
+}
 
 static struct front *place_for(const struct in6_addr *peer)
 {
@@ -198,7 +221,11 @@ static struct front *place_for(const struct in6_addr *peer)
 		else if (memcmp(&fronts[i].peer, peer, sizeof(*peer)) == 0)
 			of_peer++;
 	}
-	return of_peer < FRONTS_OF_ADDRESS ? place : NULL;
+	if (of_peer >= FRONTS_OF_ADDRESS)
+		return NULL;
+	if (place == NULL && (place = slowest_handshake()) != NULL)
+		late(place);
+	return place;
 }
 
 static bool begin_tls(struct front *front)
@@ -222,7 +249,7 @@ static void open_front(struct front *front, int fd, const struct in6_addr *peer,
 		return;
 	}
 	*front = (struct front){.outer = fd, .inner = pair[0], .peer = *peer};
-	front->deadline_ns = now_ns + FRONT_LATE_S * NS_PER_S;
+	front->deadline_ns = now_ns + (context != NULL ? FRONT_HANDSHAKE_S : FRONT_LATE_S) * NS_PER_S;
 	if (!taker(pair[1], (unsigned)(front - fronts), peer) || !begin_tls(front))
 		end(front);
 }
@@ -282,18 +309,41 @@ bool front_wait(struct pollfd waits[FRONT_POLLS])
 	return pending;
 }
 
+/* The files of the settings; a browser shows no certificate. Those of before stay in force if one of them does not do. */
+static bool read_files(void)
+{
+	char error[TLS_ERROR_SIZE];
+	SSL_CTX *fresh = tls_context_create(&tls, false, NULL, error);
+
+	if (fresh == NULL) {
+		map_log(map, MAP_LOG_ERROR, "%s%s", context != NULL ? "not in force: " : "", error);
+		return false;
+	}
+	SSL_CTX_free(context); /* connections that began with it keep it, until they end */
+	context = fresh;
+	return true;
+}
+
+static void watch_files(int64_t now_ns)
+{
+	if (context == NULL || now_ns < next_files_ns)
+		return;
+	next_files_ns = now_ns + FILES_NS;
+	if (tls_files_changed(&tls) && read_files())
+		map_log(map, MAP_LOG_INFO, "the page's certificate has changed and is in force");
+}
+
 void front_serve(const struct pollfd waits[FRONT_POLLS], int64_t now_ns)
 {
+	watch_files(now_ns);
 	for (unsigned i = 0; i < FRONTS_MAX; i++) {
 		struct front *front = &fronts[i];
 
 		if (front->outer < 0)
 			continue;
-		carry(front);
-		if (front->outer >= 0 && now_ns >= front->deadline_ns) {
-			count(WEB_COUNT_LATE);
-			end(front);
-		}
+		carry(front, now_ns);
+		if (front->outer >= 0 && now_ns >= front->deadline_ns)
+			late(front);
 	}
 	for (int i = 0; (waits[0].revents & POLLIN) && i < CONNECTIONS_A_TURN; i++)
 		if (!accept_one(now_ns))
@@ -311,21 +361,6 @@ void front_answered(unsigned number, int64_t now_ns)
 		fronts[number].deadline_ns = now_ns + FRONT_LATE_S * NS_PER_S;
 }
 
-/* A browser shows no certificate. */
-static SSL_CTX *make_context(void)
-{
-	struct iec104_tls tls = {.versions = IEC104_TLS_1_2 | IEC104_TLS_1_3, .resumption_s = RESUMPTION_S};
-	char error[TLS_ERROR_SIZE];
-	SSL_CTX *made;
-
-	snprintf(tls.certificate, sizeof(tls.certificate), "%s", settings->certificate);
-	snprintf(tls.key, sizeof(tls.key), "%s", settings->key);
-	made = tls_context_create(&tls, false, NULL, error);
-	if (made == NULL)
-		map_log(map, MAP_LOG_ERROR, "%s", error);
-	return made;
-}
-
 bool front_begin(struct map *of_map, const struct web_settings *of_file, struct web_stats *counters, int fd,
 		 front_taker *take)
 {
@@ -338,6 +373,8 @@ bool front_begin(struct map *of_map, const struct web_settings *of_file, struct 
 		fronts[i].outer = fronts[i].inner = -1;
 	if (settings->certificate[0] == '\0')
 		return true;
-	context = make_context();
-	return context != NULL;
+	snprintf(tls.certificate, sizeof(tls.certificate), "%s", settings->certificate);
+	snprintf(tls.key, sizeof(tls.key), "%s", settings->key);
+	tls_files_changed(&tls); /* before they are read: what changes meanwhile is seen later */
+	return read_files();
 }

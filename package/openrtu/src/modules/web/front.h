@@ -16,7 +16,9 @@
 #define FRONTS_MAX        16
 #define FRONTS_OF_ADDRESS 8 /* a browser opens six */
 #define FRONT_POLLS       (1 + 2 * FRONTS_MAX)
-#define FRONT_LATE_S      30 /* a connection ends that has had no whole request, with its answer, for so long */
+#define FRONT_HANDSHAKE_S                                                                                    \
+	10 /* a connection ends whose handshake takes longer; or earlier, if its place is needed */
+#define FRONT_LATE_S 30 /* a connection ends that has had no whole request, with its answer, for so long */
 
 /* Takes the other end of a connection: number is what front_answered wants. False: it cannot. */
 typedef bool front_taker(int fd, unsigned number, const struct in6_addr *peer);
