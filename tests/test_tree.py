@@ -321,6 +321,13 @@ def circles(uses: dict[str, set[str]]) -> list[set[str]]:
     return sorted((set(circle) for circle in found if len(circle) > 1), key=sorted)
 
 
+def test_c_tests_are_named_as_such() -> None:
+    """`name` and `test` are parameters of macros around them."""
+    entry = re.compile(r"\b(?:cmocka_unit_test\w*|TEST)\(\s*(\w+)")
+    names = {name for path in FILES if path.suffix == ".c" for name in entry.findall(text_of(path))}
+    assert [name for name in sorted(names - {"name", "test"}) if not name.startswith("test_")] == []
+
+
 def test_circles_are_found() -> None:
     assert circles({"a": {"b"}, "b": {"c"}, "c": {"b", "d"}, "d": set(), "e": {"a"}}) == [{"b", "c"}]
 

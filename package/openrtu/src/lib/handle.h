@@ -6,6 +6,7 @@
 #include "foreign/config.h"
 #include "lib/openrtu.h"
 #include "map/map.h"
+#include "map/type.h"
 #include "modules/commanding.h"
 #include "modules/synched.h"
 
@@ -22,6 +23,18 @@ struct asked {
 	int64_t begun_ns;
 };
 
+/* Inputs of one set, which are read together. */
+struct input_set {
+	uint32_t first, end;
+	struct map_seen seen;
+};
+
+/* What a scan has made of one of its own points. */
+struct output {
+	bool written;
+	uint8_t flags, event_rule; /* of struct map_update */
+};
+
 struct openrtu {
 	struct map *map;
 	const struct foreign_module *module;
@@ -32,12 +45,16 @@ struct openrtu {
 	/* Its points: what it reads, then its own, then what it may command and does not read. */
 	uint32_t input_count, own_count, point_count;
 	uint32_t *points;           /* their numbers in the map */
+	uint8_t *types;             /* enum map_type of each */
 	struct map_sample *samples; /* inputs as frozen, own ones as written last */
 	char (*names)[MAP_NAME_SIZE];
+	uint32_t set_count; /* of its inputs */
+	struct input_set *sets;
 	struct map_sample *fresh;   /* what a set is read into */
-	struct map_update *updates; /* own points that this scan has written, the others' point is MAP_NONE */
-	struct map_update *written; /* the same without gaps, for map_publish */
+	struct output *outputs;     /* of each own point */
+	struct map_update *updates; /* of those that are written, for map_publish */
 	struct asked *asked;        /* of each own point */
+	bool asking;                /* one of these is not settled */
 	uint32_t command_count;     /* that it may give */
 	struct commanding *commands;
 	uint32_t *command_of; /* of each point, among them; MAP_NONE: it may not */
@@ -56,7 +73,20 @@ struct openrtu {
 
 /* ---- values.c ---------------------------------------------------------------------------- */
 
-double value_number(enum map_type type, union map_value value);
+static inline double value_number(enum map_type type, union map_value value)
+{
+	switch (map_types[type].class) {
+	case MAP_CLASS_STATE:
+	case MAP_CLASS_PATTERN:
+		return value.u;
+	case MAP_CLASS_POSITION:
+		return value.i;
+	case MAP_CLASS_MEASURED:
+	case MAP_CLASS_TOTAL:
+		break;
+	}
+	return map_number(type, value);
+}
 /* False: no value of this type; out is then left as it is. */
 bool value_of_number(enum map_type type, double number, union map_value *out);
 
@@ -76,7 +106,7 @@ static inline bool is_own(const struct openrtu *rtu, int point)
 
 static inline enum map_type type_of(const struct openrtu *rtu, int point)
 {
-	return (enum map_type)map_config(rtu->map)->points[rtu->points[point]].type;
+	return (enum map_type)rtu->types[point];
 }
 
 /* ---- requests.c -------------------------------------------------------------------------- */
@@ -85,10 +115,14 @@ static inline enum map_type type_of(const struct openrtu *rtu, int point)
 void requests_begin(struct openrtu *rtu);
 /* Takes what was requested of own points since the last scan. */
 void requests_take(struct openrtu *rtu);
-/* Which cause the publication of an own point has, by the command that ends with it. */
-enum map_cause requests_cause(const struct openrtu *rtu, uint32_t own);
 /* Whether its value goes out although the scan has not written it: who has commanded it waits for it. */
-bool requests_want(const struct openrtu *rtu, uint32_t own);
+static inline bool requests_want(const struct openrtu *rtu, uint32_t own)
+{
+	return rtu->asking && rtu->asked[own].phase == ASKED_ENDS &&
+	       rtu->asked[own].result == MAP_RESULT_DONE;
+}
+/* Which cause that has, by the command that ends with it. */
+uint8_t requests_cause(const struct openrtu *rtu, uint32_t own);
 /* Answers what this scan has decided, after its outputs are out. */
 void requests_settle(struct openrtu *rtu);
 

@@ -73,16 +73,18 @@ static bool allocate(struct openrtu *rtu)
 	const uint32_t most = rtu->input_count + rtu->own_count + rtu->command_count;
 
 	rtu->points = calloc(most + 1, sizeof(*rtu->points));
+	rtu->types = calloc(most + 1, sizeof(*rtu->types));
 	rtu->samples = calloc(most + 1, sizeof(*rtu->samples));
 	rtu->names = calloc(most + 1, sizeof(*rtu->names));
 	rtu->command_of = calloc(most + 1, sizeof(*rtu->command_of));
 	rtu->fresh = calloc(rtu->input_count + 1, sizeof(*rtu->fresh));
+	rtu->sets = calloc(rtu->input_count + 1, sizeof(*rtu->sets));
+	rtu->outputs = calloc(rtu->own_count + 1, sizeof(*rtu->outputs));
 	rtu->updates = calloc(rtu->own_count + 1, sizeof(*rtu->updates));
-	rtu->written = calloc(rtu->own_count + 1, sizeof(*rtu->written));
 	rtu->asked = calloc(rtu->own_count + 1, sizeof(*rtu->asked));
 	rtu->commands = calloc(rtu->command_count + 1, sizeof(*rtu->commands));
-	return rtu->points && rtu->samples && rtu->names && rtu->command_of && rtu->fresh && rtu->updates &&
-	       rtu->written && rtu->asked && rtu->commands;
+	return rtu->points && rtu->types && rtu->samples && rtu->names && rtu->command_of && rtu->fresh &&
+	       rtu->sets && rtu->outputs && rtu->updates && rtu->asked && rtu->commands;
 }
 
 static void add_point(struct openrtu *rtu, uint32_t map_point)
@@ -91,6 +93,7 @@ static void add_point(struct openrtu *rtu, uint32_t map_point)
 	const uint32_t number = rtu->point_count++;
 
 	rtu->points[number] = map_point;
+	rtu->types[number] = config->points[map_point].type;
 	rtu->command_of[number] = MAP_NONE;
 	map_point_name(config, &config->points[map_point], rtu->names[number]);
 	rtu->samples[number].quality = MAP_INVALID;
@@ -112,6 +115,18 @@ static void add_command(struct openrtu *rtu, uint32_t command, uint32_t map_poin
 	rtu->command_of[number] = command;
 }
 
+/* Inputs are in the order of the map, so that those of a set are neighbours. */
+static void find_sets(struct openrtu *rtu)
+{
+	const struct map_point *points = map_config(rtu->map)->points;
+
+	for (uint32_t i = 0; i < rtu->input_count; i++) {
+		if (i == 0 || points[rtu->points[i]].set != points[rtu->points[i - 1]].set)
+			rtu->sets[rtu->set_count++].first = i;
+		rtu->sets[rtu->set_count - 1].end = i + 1;
+	}
+}
+
 static void find_points(struct openrtu *rtu)
 {
 	const struct map_config *config = map_config(rtu->map);
@@ -124,6 +139,7 @@ static void find_points(struct openrtu *rtu)
 		add_point(rtu, config->sets[rtu->module->set].first_point + i);
 	for (uint32_t i = 0; i < rtu->command_count; i++)
 		add_command(rtu, i, listed[rtu->module->first_command + i]);
+	find_sets(rtu);
 }
 
 static bool prepare(struct openrtu *rtu, const char *name)
@@ -187,11 +203,13 @@ void openrtu_detach(struct openrtu *rtu)
 	if (rtu->stop_fd >= 0)
 		close(rtu->stop_fd);
 	free(rtu->points);
+	free(rtu->types);
 	free(rtu->samples);
 	free(rtu->names);
 	free(rtu->fresh);
+	free(rtu->sets);
+	free(rtu->outputs);
 	free(rtu->updates);
-	free(rtu->written);
 	free(rtu->asked);
 	free(rtu->commands);
 	free(rtu->command_of);

@@ -66,6 +66,7 @@ static void take(struct openrtu *rtu, const struct map_request *request)
 	const bool commandable = map_config(rtu->map)->points[request->point].flags & MAP_POINT_COMMAND;
 	struct asked *asked = asked_of(rtu, request->point);
 
+	rtu->asking = true;
 	settle_selection(rtu, asked); /* what comes behind it shall find it */
 	if (commandable && request->action == MAP_SELECT)
 		take_selection(rtu, asked, request);
@@ -77,7 +78,7 @@ void requests_take(struct openrtu *rtu)
 {
 	struct map_request request;
 
-	map_bell_clear(rtu->map);
+	map_bell_clear_if_taken(rtu->map);
 	while (map_request_next(rtu->map, &request))
 		take(rtu, &request);
 }
@@ -92,14 +93,9 @@ void requests_begin(struct openrtu *rtu)
 
 /* ---- settling ---------------------------------------------------------------------------- */
 
-bool requests_want(const struct openrtu *rtu, uint32_t own)
+uint8_t requests_cause(const struct openrtu *rtu, uint32_t own)
 {
-	return rtu->asked[own].phase == ASKED_ENDS && rtu->asked[own].result == MAP_RESULT_DONE;
-}
-
-enum map_cause requests_cause(const struct openrtu *rtu, uint32_t own)
-{
-	return requests_want(rtu, own) ? map_cause_of(rtu->map, &rtu->asked[own].command) : MAP_SPONTANEOUS;
+	return (uint8_t)map_cause_of(rtu->map, &rtu->asked[own].command);
 }
 
 /* A module that does not decide, or does not look. */
@@ -127,10 +123,14 @@ static void settle_command(struct openrtu *rtu, struct asked *asked)
 
 void requests_settle(struct openrtu *rtu)
 {
-	for (uint32_t i = 0; i < rtu->own_count; i++) {
+	bool open = false;
+
+	for (uint32_t i = 0; rtu->asking && i < rtu->own_count; i++) {
 		settle_command(rtu, &rtu->asked[i]);
 		settle_selection(rtu, &rtu->asked[i]);
+		open |= rtu->asked[i].phase != ASKED_NOTHING;
 	}
+	rtu->asking = open;
 }
 
 /* ---- what the module asks and says ------------------------------------------------------- */

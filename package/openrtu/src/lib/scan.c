@@ -3,6 +3,7 @@
 #include <errno.h>
 #include <math.h>
 #include <poll.h>
+#include <string.h>
 #include <time.h>
 
 #include "lib/handle.h"
@@ -92,7 +93,7 @@ bool openrtu_wait(struct openrtu *rtu)
 	while (!rtu->stopped && map_may_run(rtu->map)) {
 		int64_t wake_ns = now_ns + beat_ns;
 
-		map_heartbeat(rtu->map);
+		map_heartbeat_at(rtu->map, now_ns);
 		map_totals_tick(rtu->map);
 		if (sleep_until(rtu, now_ns, wake_ns < rtu->next_ns ? wake_ns : rtu->next_ns))
 			break;
@@ -109,64 +110,53 @@ bool openrtu_wait(struct openrtu *rtu)
 
 /* ---- inputs ------------------------------------------------------------------------------ */
 
-static uint16_t set_of(const struct openrtu *rtu, uint32_t input)
+/* What was not published since the last scan is as it was then. */
+static void freeze_set(struct openrtu *rtu, struct input_set *set)
 {
-	return map_config(rtu->map)->points[rtu->points[input]].set;
-}
+	const uint32_t first = set->first, count = set->end - first;
 
-/* Inputs are in the order of the map, so that those of a set are neighbours. */
-static uint32_t end_of_set(const struct openrtu *rtu, uint32_t first)
-{
-	uint32_t end = first + 1;
-
-	while (end < rtu->input_count && set_of(rtu, end) == set_of(rtu, first))
-		end++;
-	return end;
-}
-
-static void freeze_set(struct openrtu *rtu, uint32_t first, uint32_t end)
-{
-	bool whole = map_read_together(rtu->map, &rtu->points[first], end - first, &rtu->fresh[first]);
-
-	for (uint32_t i = first; i < end; i++)
-		if (whole)
-			rtu->samples[i] = rtu->fresh[i];
-		else
-			rtu->samples[i].quality |= MAP_NOT_TOPICAL;
+	if (map_read_changed(rtu->map, &rtu->points[first], count, &set->seen, &rtu->fresh[first]))
+		memcpy(&rtu->samples[first], &rtu->fresh[first], count * sizeof(*rtu->samples));
+	for (uint32_t i = first; !set->seen.whole && i < set->end; i++)
+		rtu->samples[i].quality |= MAP_NOT_TOPICAL;
 }
 
 void openrtu_scan_begin(struct openrtu *rtu)
 {
-	map_heartbeat(rtu->map);
 	rtu->now_ns = map_begin_cycle(rtu->map);
+	map_heartbeat_at(rtu->map, rtu->now_ns);
 	rtu->seen = MAP_GOOD;
 	map_count(&rtu->scans->count, 1);
 	rtu->events_taken = 0;
 	requests_take(rtu);
 	commands_take(rtu);
-	for (uint32_t first = 0, end; first < rtu->input_count; first = end) {
-		end = end_of_set(rtu, first);
-		freeze_set(rtu, first, end);
-	}
-	for (uint32_t i = 0; i < rtu->own_count; i++)
-		rtu->updates[i].point = MAP_NONE;
+	for (uint32_t i = 0; i < rtu->set_count; i++)
+		freeze_set(rtu, &rtu->sets[i]);
+	memset(rtu->outputs, 0, rtu->own_count * sizeof(*rtu->outputs));
+}
+
+static int no_sample(struct openrtu_sample *out, int error)
+{
+	*out = (struct openrtu_sample){.quality = OPENRTU_INVALID};
+	return error;
 }
 
 int openrtu_read(struct openrtu *rtu, int point, struct openrtu_sample *out)
 {
-	*out = (struct openrtu_sample){.quality = OPENRTU_INVALID};
+	const struct map_sample *sample;
+
 	if (!is_point(rtu, point))
-		return -EINVAL;
+		return no_sample(out, -EINVAL);
 	if ((uint32_t)point >= rtu->input_count && !is_own(rtu, point))
-		return -EPERM;
-	*out = (struct openrtu_sample){
-	    .value = value_number(type_of(rtu, point), rtu->samples[point].value),
-	    .time_ns = rtu->samples[point].time_ns,
-	    .quality = rtu->samples[point].quality,
-	};
+		return no_sample(out, -EPERM);
+	sample = &rtu->samples[point];
+	out->value = value_number(type_of(rtu, point), sample->value);
+	out->time_ns = sample->time_ns;
+	out->quality = sample->quality;
+	out->reserved = 0;
 	/* An own one does not count: what was invalid once would stay so where the next state follows from the last. */
 	if ((uint32_t)point < rtu->input_count)
-		rtu->seen |= rtu->samples[point].quality;
+		rtu->seen |= sample->quality;
 	return 0;
 }
 
@@ -178,30 +168,21 @@ static uint8_t inherited(uint8_t seen)
 	return seen & MAP_OVERFLOW ? (uint8_t)((seen & ~MAP_OVERFLOW) | MAP_INVALID) : seen;
 }
 
-static void put(struct openrtu *rtu, int point, struct map_sample sample)
-{
-	rtu->samples[point] = sample;
-	rtu->updates[(uint32_t)point - rtu->input_count] =
-	    (struct map_update){.point = rtu->points[point], .sample = sample};
-}
-
 static int write_sample(struct openrtu *rtu, int point, double value, uint8_t quality, int64_t time_ns)
 {
-	struct map_sample sample;
+	struct map_sample *sample;
 
 	if (!is_point(rtu, point))
 		return -EINVAL;
 	if (!is_own(rtu, point))
 		return -EPERM;
-	sample = rtu->samples[point];
-	sample.quality = quality;
-	sample.time_ns = time_ns;
-	if (value_of_number(type_of(rtu, point), value, &sample.value)) {
-		put(rtu, point, sample);
+	rtu->outputs[(uint32_t)point - rtu->input_count].written = true;
+	sample = &rtu->samples[point];
+	sample->quality = quality;
+	sample->time_ns = time_ns;
+	if (value_of_number(type_of(rtu, point), value, &sample->value))
 		return 0;
-	}
-	sample.quality |= MAP_INVALID;
-	put(rtu, point, sample);
+	sample->quality |= MAP_INVALID;
 	return -ERANGE;
 }
 
@@ -223,27 +204,37 @@ int openrtu_write_at(struct openrtu *rtu, int point, double value, uint32_t qual
 			    time_ns < rtu->now_ns ? time_ns : rtu->now_ns);
 }
 
+static struct map_update update_of(const struct openrtu *rtu, uint32_t own)
+{
+	const uint32_t number = rtu->input_count + own;
+
+	return (struct map_update){.point = rtu->points[number],
+				   .cause =
+				       requests_want(rtu, own) ? requests_cause(rtu, own) : MAP_SPONTANEOUS,
+				   .flags = rtu->outputs[own].flags,
+				   .event_rule = rtu->outputs[own].event_rule,
+				   .sample = rtu->samples[number]};
+}
+
 static void publish(struct openrtu *rtu)
 {
 	size_t count = 0;
 
-	for (uint32_t i = 0; i < rtu->own_count; i++) {
-		if (rtu->updates[i].point == MAP_NONE && requests_want(rtu, i))
-			put(rtu, (int)(rtu->input_count + i), rtu->samples[rtu->input_count + i]);
-		if (rtu->updates[i].point == MAP_NONE)
-			continue;
-		rtu->updates[i].cause = (uint8_t)requests_cause(rtu, i);
-		rtu->written[count++] = rtu->updates[i];
-	}
-	map_publish(rtu->map, rtu->written, count);
+	for (uint32_t i = 0; i < rtu->own_count; i++)
+		if (rtu->outputs[i].written || requests_want(rtu, i))
+			rtu->updates[count++] = update_of(rtu, i);
+	map_publish(rtu->map, rtu->updates, count);
 }
 
 void openrtu_scan_end(struct openrtu *rtu)
 {
+	int64_t ended_ns;
+
 	publish(rtu);
 	requests_settle(rtu);
-	map_histogram_add(&rtu->scans->durations, map_now_ns() - rtu->now_ns);
-	map_heartbeat(rtu->map);
+	ended_ns = map_now_ns();
+	map_histogram_add(&rtu->scans->durations, ended_ns - rtu->now_ns);
+	map_heartbeat_at(rtu->map, ended_ns);
 	synch_end_scan(rtu);
 }
 
@@ -260,16 +251,18 @@ static bool was_seen_invalid(const struct openrtu *rtu)
 static bool publish_retained(struct openrtu *rtu, uint32_t own)
 {
 	const uint32_t number = rtu->input_count + own;
-	struct map_sample sample = rtu->samples[number];
+	struct map_sample *sample = &rtu->samples[number];
 
 	if (!(map_config(rtu->map)->points[rtu->points[number]].flags & MAP_POINT_RETAIN) ||
-	    sample.time_ns == 0)
+	    sample->time_ns == 0)
 		return false;
 	if (was_seen_invalid(rtu))
-		sample.time_ns = rtu->now_ns; /* its end as invalid has a time before this one */
-	put(rtu, (int)number, sample);
-	rtu->updates[own].event_rule = MAP_EVENT_ALWAYS;
-	rtu->updates[own].flags = MAP_UPDATE_KEEPS_VALUE; /* of a counter, it is the reading already */
+		sample->time_ns = rtu->now_ns; /* its end as invalid has a time before this one */
+	rtu->outputs[own] = (struct output){
+	    .written = true,
+	    .event_rule = MAP_EVENT_ALWAYS,
+	    .flags = MAP_UPDATE_KEEPS_VALUE, /* of a counter, it is the reading already */
+	};
 	return true;
 }
 
@@ -282,7 +275,6 @@ void scan_publish_initial(struct openrtu *rtu)
 	for (uint32_t i = 0; i < rtu->own_count; i++) {
 		const double initial = points[rtu->module->first_point + i].initial;
 
-		rtu->updates[i].point = MAP_NONE;
 		if (!publish_retained(rtu, i) && !isnan(initial))
 			write_sample(rtu, (int)(rtu->input_count + i), initial, MAP_GOOD, rtu->now_ns);
 	}

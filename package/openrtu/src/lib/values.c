@@ -3,21 +3,6 @@
 #include "lib/handle.h"
 #include "map/type.h"
 
-double value_number(enum map_type type, union map_value value)
-{
-	switch (map_types[type].class) {
-	case MAP_CLASS_STATE:
-	case MAP_CLASS_PATTERN:
-		return value.u;
-	case MAP_CLASS_POSITION:
-		return value.i;
-	case MAP_CLASS_MEASURED:
-	case MAP_CLASS_TOTAL:
-		break;
-	}
-	return map_number(type, value);
-}
-
 bool value_is_sound(enum map_type type, union map_value value)
 {
 	union map_value ignored;

@@ -26,6 +26,12 @@ bool map_bell_clear(struct map *map)
 	return rings > 0;
 }
 
+void map_bell_clear_if_taken(struct map *map)
+{
+	if (map->taken != 0)
+		map_bell_clear(map);
+}
+
 bool map_bell_is_wild(const struct map *map)
 {
 	return map->load >= LOAD_A_PERIOD;

@@ -4,7 +4,13 @@
 
 void map_heartbeat(struct map *map)
 {
-	atomic_store_explicit(&map->segments[map->self].header->heartbeat_ms, now_ms(), memory_order_release);
+	map_heartbeat_at(map, map_now_ns());
+}
+
+void map_heartbeat_at(struct map *map, int64_t now_ns)
+{
+	atomic_store_explicit(&map->segments[map->self].header->heartbeat_ms, (uint32_t)(now_ns / NS_PER_MS),
+			      memory_order_release);
 	forces_follow(map);
 	requesters_follow(map);
 }

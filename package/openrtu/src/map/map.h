@@ -151,6 +151,8 @@ uint32_t map_find(const struct map *map, uint16_t ca, uint32_t ioa);
 
 /* "I run." Own segment; every MAP_HEARTBEAT_PERIOD_MS by an owner of points, each second by others. */
 void map_heartbeat(struct map *map);
+/* The same for who has just read the clock: on ARMv5 that is a system call. */
+void map_heartbeat_at(struct map *map, int64_t now_ns);
 /* False once rtud has ended this generation: the module must exit. (When rtud itself goes, the kernel ends the module.) */
 bool map_may_run(const struct map *map);
 
@@ -163,6 +165,20 @@ bool map_may_run(const struct map *map);
 bool map_read(const struct map *map, uint32_t point, struct map_sample *out);
 /* The same of several points of one set, as one publishing has left them. */
 bool map_read_together(const struct map *map, const uint32_t *points, size_t count, struct map_sample *out);
+
+/* What somebody has read of a set. All zero: nothing yet. */
+struct map_seen {
+	uint32_t sequence; /* of the set's latch */
+	bool alive;        /* its owner was */
+	bool whole;        /* false: a writer overtook every try */
+};
+
+/*
+ * The same for who reads the same points again and again. False when out was not written: what was read before holds still
+ * if seen->whole says so.
+ */
+bool map_read_changed(const struct map *map, const uint32_t *points, size_t count, struct map_seen *seen,
+		      struct map_sample *out);
 
 /* What the owner of a point has said last, whether it lives or not, and whether the point is forced or not. False: as map_read. */
 bool map_read_own(const struct map *map, uint32_t point, struct map_sample *out);
@@ -277,6 +293,8 @@ bool map_event_next_of(const struct map *map, struct map_cursor *cursor, uint32_
 int map_bell_fd(const struct map *map);
 /* True: it was rung since the last time. */
 bool map_bell_clear(struct map *map);
+/* The same for who looks at every turn, rung or not: it costs a system call only if something was taken since. */
+void map_bell_clear_if_taken(struct map *map);
 /*
  * For a module with real-time priority, which a ring takes to the core at once: rings, and what was taken after them, count
  * by periods of its own timer. True: it is so much in this one that whoever rings has gone wild; the bell is not to be

@@ -116,12 +116,13 @@ static struct smoothed last_published(const struct map *map, uint32_t point)
 void parameter_smooth(struct map *map, uint32_t point, struct map_sample *sample)
 {
 	const struct map_point *object = &map->config.points[point];
+	struct parameter_cell *cell = &map->segments[map->self].parameters[object->extra];
 	struct smoothed *smoothed = &map->smoothed[object->slot];
 	enum map_type type = (enum map_type)object->type;
 	struct map_parameters parameters;
 	double value, passed_s;
 
-	if (!(atomic_load(&cell_of(map, point)->state) & 1u << MAP_SMOOTHING) || !is_smoothable(sample)) {
+	if (!(atomic_load(&cell->state) & 1u << MAP_SMOOTHING) || !is_smoothable(sample)) {
 		smoothed->time_ns = 0;
 		return;
 	}

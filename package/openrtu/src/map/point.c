@@ -14,25 +14,38 @@ static struct map_sample believed(const struct map *map, struct map_sample sampl
 	return sample;
 }
 
-bool map_read_together(const struct map *map, const uint32_t *points, size_t count, struct map_sample *out)
+bool map_read_changed(const struct map *map, const uint32_t *points, size_t count, struct map_seen *seen,
+		      struct map_sample *out)
 {
 	const uint32_t owner = map_owner(map, points[0]);
 	const struct segment *segment = &map->segments[owner];
+	const uint32_t slots = slot_of(map, points[0]) - points[0]; /* a set's points lie side by side */
 	map_latch *latch = latch_of(map, points[0]);
 
 	for (int tries = 0; tries < LATCH_TRIES; tries++) {
-		bool alive = map_alive(map, owner); /* first, as in map_read */
-		uint32_t sequence = latch_read_begin(latch);
+		const bool alive = map_alive(map, owner); /* first, as in map_read */
+		const uint32_t sequence = latch_read_begin(latch);
 
+		if (seen->whole && seen->sequence == sequence && seen->alive == alive)
+			return false;
 		for (size_t i = 0; i < count; i++)
-			out[i] = segment->samples[sequence & 1][map->config.points[points[i]].slot];
+			out[i] = segment->samples[sequence & 1][points[i] + slots];
 		if (!latch_read_done(latch, sequence))
 			continue;
 		for (size_t i = 0; i < count; i++)
 			out[i] = believed(map, out[i], alive);
+		*seen = (struct map_seen){.sequence = sequence, .alive = alive, .whole = true};
 		return true;
 	}
+	seen->whole = false;
 	return false;
+}
+
+bool map_read_together(const struct map *map, const uint32_t *points, size_t count, struct map_sample *out)
+{
+	struct map_seen nothing = {.whole = false};
+
+	return map_read_changed(map, points, count, &nothing, out);
 }
 
 bool map_read(const struct map *map, uint32_t point, struct map_sample *out)

@@ -23,14 +23,15 @@ static double distance(enum map_type type, union map_value a, union map_value b)
 /* A value that is not a number is at no distance from another: any change of its bits counts. */
 static bool value_left(const struct map *map, uint32_t point, union map_value from, union map_value to)
 {
-	enum map_type type = (enum map_type)map->config.points[point].type;
-	double by = distance(type, from, to);
+	const enum map_type type = (enum map_type)map->config.points[point].type;
 	struct map_parameters parameters;
+	double by;
 
-	if (isnan(by))
-		return from.u != to.u;
 	if (from.u == to.u)
 		return false;
+	by = distance(type, from, to);
+	if (isnan(by))
+		return true;
 	map_parameters_read(map, point, &parameters);
 	return by > parameters.threshold || parameters_crossed(&parameters, type, from, to);
 }

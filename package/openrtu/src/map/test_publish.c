@@ -28,6 +28,31 @@ static void test_published_samples_are_read_by_others(void **state)
 	map_detach(reader);
 }
 
+static void test_what_was_not_published_since_is_not_read_again(void **state)
+{
+	struct stage *stage = *state;
+	struct map *owner = start(stage, FIRST);
+	struct map_update update = scaled(2, 7, MAP_GOOD, 10);
+	const uint32_t points[] = {0, 2};
+	struct map_seen seen = {.whole = false};
+	struct map_sample samples[2];
+
+	set_heartbeat_limit(stage->rtud, index_of(stage, FIRST), 60000);
+	assert_true(map_read_changed(stage->rtud, points, 2, &seen, samples));
+	assert_int_equal(samples[1].quality, MAP_INVALID);
+	map_publish(owner, &update, 1);
+	assert_true(map_read_changed(stage->rtud, points, 2, &seen, samples));
+	assert_int_equal(samples[1].value.i, 7);
+	assert_int_equal(samples[1].quality, MAP_GOOD);
+	assert_false(map_read_changed(stage->rtud, points, 2, &seen, samples));
+	assert_true(seen.whole);
+	map_module_ended(stage->rtud, index_of(stage, FIRST), true);
+	assert_true(map_read_changed(stage->rtud, points, 2, &seen, samples));
+	assert_int_equal(samples[1].quality, MAP_INVALID);
+	assert_false(map_read_changed(stage->rtud, points, 2, &seen, samples));
+	map_detach(owner);
+}
+
 static void test_an_update_can_keep_the_value(void **state)
 {
 	struct stage *stage = *state;
@@ -275,6 +300,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 	    TEST(test_points_are_found_by_address),
 	    TEST(test_published_samples_are_read_by_others),
+	    TEST(test_what_was_not_published_since_is_not_read_again),
 	    TEST(test_an_update_can_keep_the_value),
 	    TEST(test_points_are_invalid_before_the_first_sample_and_after_the_end),
 	    TEST(test_events_are_changes_beyond_the_deadband),

@@ -66,15 +66,21 @@ bool totals_freeze(struct map *map, const struct map_request *request)
 
 void map_totals_tick(struct map *map)
 {
-	int64_t now_s = (map_now_ns() + map_clock_read(map).offset_ns) / NS_PER_S, then_s = map->ticked_s;
+	const struct module_entry *self = &map->modules[map->self];
+	int64_t now_s, then_s = map->ticked_s;
 	bool any = false;
 
+	if (self->total_count == 0)
+		return;
+	now_s = (map_now_ns() + map_clock_read(map).offset_ns) / NS_PER_S;
 	map->ticked_s = now_s;
 	if (then_s == 0 || then_s == now_s)
 		return;
-	for (uint32_t i = 0; i < map->config.point_count; i++) {
-		uint32_t period_s = map->config.points[i].freeze_s;
-		if (period_s == 0 || now_s / period_s == then_s / period_s || map_owner(map, i) != map->self)
+	for (uint32_t slot = 0; slot < self->point_count; slot++) {
+		const uint32_t i = point_in(map, map->self, slot);
+		const uint32_t period_s = map->config.points[i].freeze_s;
+
+		if (period_s == 0 || now_s / period_s == then_s / period_s || i >= map->config.point_count)
 			continue;
 		carry_out(map, i, MAP_FREEZE_ONLY);
 		event_put(

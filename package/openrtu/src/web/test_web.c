@@ -24,7 +24,7 @@ static bool reads(const char *text, struct web_user *out)
 	return web_user_read(line, out);
 }
 
-static void a_line_is_a_user(void **state)
+static void test_a_line_is_a_user(void **state)
 {
 	struct web_user user;
 
@@ -37,7 +37,7 @@ static void a_line_is_a_user(void **state)
 	assert_int_equal(user.hash[31], 0x1f);
 }
 
-static void a_damaged_line_is_none(void **state)
+static void test_a_damaged_line_is_none(void **state)
 {
 	static const char *const lines[] = {
 	    "",
@@ -63,7 +63,7 @@ static void a_damaged_line_is_none(void **state)
 		assert_false(reads(lines[i], &user));
 }
 
-static void a_file_is_looked_through(void **state)
+static void test_a_file_is_looked_through(void **state)
 {
 	static char text[] = "# users\n\nbad line\nbert viewer scrypt 8192 8 1 " SALT " " HASH
 			     "\nanna operator scrypt 8192 8 1 " SALT " " HASH "\n";
@@ -88,7 +88,7 @@ static struct web_session *begin(uint8_t seed, int64_t now_ns)
 	return web_session_begin(&sessions, &anna, random, now_ns, 3600);
 }
 
-static void a_session_is_found_until_it_is_over(void **state)
+static void test_a_session_is_found_until_it_is_over(void **state)
 {
 	struct web_session *session = begin(7, NS_PER_S);
 	char token[WEB_SECRET_SIZE];
@@ -103,7 +103,7 @@ static void a_session_is_found_until_it_is_over(void **state)
 	assert_null(web_session_find(&sessions, "", NS_PER_S));
 }
 
-static void a_session_nobody_uses_ends(void **state)
+static void test_a_session_nobody_uses_ends(void **state)
 {
 	struct web_session *session = begin(8, NS_PER_S);
 
@@ -111,7 +111,7 @@ static void a_session_nobody_uses_ends(void **state)
 	assert_null(web_session_find(&sessions, session->token, (1 + WEB_IDLE_S) * NS_PER_S));
 }
 
-static void who_was_away_longest_gives_its_place(void **state)
+static void test_who_was_away_longest_gives_its_place(void **state)
 {
 	char first[WEB_SECRET_SIZE], second[WEB_SECRET_SIZE];
 
@@ -127,7 +127,7 @@ static void who_was_away_longest_gives_its_place(void **state)
 	assert_null(web_session_find(&sessions, second, 4 * NS_PER_S));
 }
 
-static void tries_are_limited_by_address(void **state)
+static void test_tries_are_limited_by_address(void **state)
 {
 	struct web_tries tries = {.all = {.full_ns = 0}};
 	const struct in6_addr one = {.s6_addr[15] = 1}, other = {.s6_addr[15] = 2};
@@ -143,7 +143,7 @@ static void tries_are_limited_by_address(void **state)
 	assert_false(web_may_try(&tries, &one, (1 + WEB_TRY_S) * NS_PER_S, &wait_s));
 }
 
-static void many_addresses_are_limited_together(void **state)
+static void test_many_addresses_are_limited_together(void **state)
 {
 	struct web_tries tries = {.all = {.full_ns = 0}};
 	unsigned wait_s, tried = 0;
@@ -160,14 +160,14 @@ static void many_addresses_are_limited_together(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-	    cmocka_unit_test(a_line_is_a_user),
-	    cmocka_unit_test(a_damaged_line_is_none),
-	    cmocka_unit_test(a_file_is_looked_through),
-	    cmocka_unit_test(a_session_is_found_until_it_is_over),
-	    cmocka_unit_test(a_session_nobody_uses_ends),
-	    cmocka_unit_test(who_was_away_longest_gives_its_place),
-	    cmocka_unit_test(tries_are_limited_by_address),
-	    cmocka_unit_test(many_addresses_are_limited_together),
+	    cmocka_unit_test(test_a_line_is_a_user),
+	    cmocka_unit_test(test_a_damaged_line_is_none),
+	    cmocka_unit_test(test_a_file_is_looked_through),
+	    cmocka_unit_test(test_a_session_is_found_until_it_is_over),
+	    cmocka_unit_test(test_a_session_nobody_uses_ends),
+	    cmocka_unit_test(test_who_was_away_longest_gives_its_place),
+	    cmocka_unit_test(test_tries_are_limited_by_address),
+	    cmocka_unit_test(test_many_addresses_are_limited_together),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);
