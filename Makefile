@@ -27,7 +27,7 @@ HELP_GROUPS := See it,Build,A board,Test,Maintain
 help: ## Maintain: show this list
 	@awk -F ':.*## ' -v groups='$(HELP_GROUPS)' '/^[a-z-]+:.*## / { \
 	  colon = index($$2, ": "); group = substr($$2, 1, colon - 1); \
-	  lines[group] = lines[group] sprintf("  make %-16s %s\n", $$1, substr($$2, colon + 2)) \
+	  lines[group] = lines[group] sprintf("  make %-17s %s\n", $$1, substr($$2, colon + 2)) \
 	} END { \
 	  n = split(groups, order, ","); \
 	  for (i = 1; i <= n; i++) printf("%s%s\n%s", (i > 1 ? "\n" : ""), order[i], lines[order[i]]) \
@@ -546,7 +546,7 @@ soak: build qemu uboot linux linux-debug image-debian build/swupdate/done build/
 LAB := PYTHONPATH=scripts $(PYTHON) -m lab
 AT_PORT = $(if $(PORT),--port '$(PORT)')
 
-run-native: build $(VENV) ## See it: the gateway on this machine, built and shown in a minute (KEEP=1; PORT=2405)
+run-native: build $(VENV) ## See it: the gateway on this machine, built and shown in a minute (KEEP=1; PORT=)
 	@$(LAB) $(AT_PORT) $(if $(KEEP),--keep)
 
 # The system of `make run`, for a site of its own; its engineer brings the configuration with SNMPv3 later.
@@ -609,7 +609,7 @@ distclean: clean ## Maintain: remove the Python environment as well
 # ---- what was typed ------------------------------------------------------------------------------
 
 # Before anything is built. Last, where all that has a default has it.
-TYPED := $(foreach name,PORT BOARD_IP IMAGE IMAGES SITE BOARD DTS SWITCHES FUZZ_SECONDS LIB60870,$(name)='$(subst ','\'',$($(name)))') \
+TYPED := $(foreach name,PORT STATIONS BOARD_IP IMAGE IMAGES SITE BOARD DTS SWITCHES FUZZ_SECONDS LIB60870,$(name)='$(subst ','\'',$($(name)))') \
   IMAGE_TYPED=$(filter command,$(origin IMAGE))
 REFUSED := $(shell $(TYPED) scripts/check-arguments.sh $(MAKECMDGOALS))
 $(if $(REFUSED),$(error $(REFUSED)))
