@@ -27,7 +27,7 @@ HELP_GROUPS := See it,Build,A board,Test,Maintain
 help: ## Maintain: show this list
 	@awk -F ':.*## ' -v groups='$(HELP_GROUPS)' '/^[a-z-]+:.*## / { \
 	  colon = index($$2, ": "); group = substr($$2, 1, colon - 1); \
-	  lines[group] = lines[group] sprintf("  make %-16s %s\n", $$1, substr($$2, colon + 2)) \
+	  lines[group] = lines[group] sprintf("  make %-17s %s\n", $$1, substr($$2, colon + 2)) \
 	} END { \
 	  n = split(groups, order, ","); \
 	  for (i = 1; i <= n; i++) printf("%s%s\n%s", (i > 1 ? "\n" : ""), order[i], lines[order[i]]) \
@@ -487,7 +487,7 @@ test-station test-lines test-gateway test-bench test-pins test-image test-netboo
 	$(AREA)
 
 test-linux: WORKERS := 2 # a guest that starts fills a core
-test-linux: linux image-debian build/swupdate/done build/curl/done lab qemu uboot build build/gpsd/debian.dsc build/arm/build.ninja $(TESTED) ## Test: Linux on the emulated board
+test-linux: linux image-debian build/swupdate/done build/curl/done lab qemu uboot build build/arm/build.ninja $(TESTED) ## Test: Linux on the emulated board
 	$(LOGGED) arm ninja -C build/arm logic/logic-desk
 	scripts/build-dtb.sh $(DTS) build/dtb/GATEWAY_PDMA=1/nuc980-gateway.dtb GATEWAY_PDMA=1
 	$(MAKE) image-debian SITE=tests/linux/site-tls
@@ -546,7 +546,7 @@ soak: build qemu uboot linux linux-debug image-debian build/swupdate/done build/
 LAB := PYTHONPATH=scripts $(PYTHON) -m lab
 AT_PORT = $(if $(PORT),--port '$(PORT)')
 
-run-native: build build/gpsd/debian.dsc $(VENV) ## See it: the gateway on this machine, built and shown in a minute (KEEP=1; PORT=2405)
+run-native: build $(VENV) ## See it: the gateway on this machine, built and shown in a minute (KEEP=1; PORT=)
 	@$(LAB) $(AT_PORT) $(if $(KEEP),--keep)
 
 # The system of `make run`, for a site of its own; its engineer brings the configuration with SNMPv3 later.
@@ -559,7 +559,7 @@ centre: build centre-page $(VENV) ## See it: a control centre with 20 simulated 
 	@$(LAB).centre_show $(AT_PORT) $(if $(KEEP),--keep) $(if $(STATIONS),--stations '$(STATIONS)')
 
 ifneq ($(origin IMAGE),command line)
-run: build qemu uboot lab build/gpsd/debian.dsc $(VENV) ## See it: the emulated board, from reset to the control room (KEEP=1; PORT=; IMAGE=)
+run: build qemu uboot lab $(VENV) ## See it: the emulated board, from reset to the control room (KEEP=1; PORT=; IMAGE=)
 	@$(LAB).board_show $(AT_PORT) $(if $(KEEP),--keep)
 else
 run: qemu uboot $(VENV)
@@ -609,7 +609,7 @@ distclean: clean ## Maintain: remove the Python environment as well
 # ---- what was typed ------------------------------------------------------------------------------
 
 # Before anything is built. Last, where all that has a default has it.
-TYPED := $(foreach name,PORT BOARD_IP IMAGE IMAGES SITE BOARD DTS SWITCHES FUZZ_SECONDS LIB60870,$(name)='$(subst ','\'',$($(name)))') \
+TYPED := $(foreach name,PORT STATIONS BOARD_IP IMAGE IMAGES SITE BOARD DTS SWITCHES FUZZ_SECONDS LIB60870,$(name)='$(subst ','\'',$($(name)))') \
   IMAGE_TYPED=$(filter command,$(origin IMAGE))
 REFUSED := $(shell $(TYPED) scripts/check-arguments.sh $(MAKECMDGOALS))
 $(if $(REFUSED),$(error $(REFUSED)))

@@ -82,7 +82,8 @@ check_device_tree() {
 for goal; do
 	case $goal in
 	run | lab | netboot | uboot | image | system | image-*) check_gateway "$goal" ;;&
-	run | run-native) check_tcp_port ;;&
+	run | run-native | centre) check_tcp_port ;;&
+	centre) [[ -z ${STATIONS:-} || -f $STATIONS ]] || refuse "STATIONS=$STATIONS is not a file; docs/centre.md says what belongs in it" ;;
 	run) [[ -z ${IMAGE_TYPED:-} ]] || check_image "${IMAGE:-.}" ;;
 	netboot)
 		check_serial_port

@@ -216,6 +216,12 @@ def tests() -> list[str]:
 
 
 @cache
+def files_of(word: str) -> list[str]:
+    """The files of tests that a pattern fits; of a target, the target."""
+    return [test for test in tests() if fnmatchcase(test, word)] or [word]
+
+
+@cache
 def importers() -> dict[str, set[str]]:
     """The files of tests that take something from a module of tests/ itself, by its name."""
     found: dict[str, set[str]] = defaultdict(set)
@@ -231,10 +237,7 @@ def reach(path: str) -> set[str]:
         words = [path, *importers()[Path(path).stem]]
     else:
         words = next((words for pattern, words in REACH if fnmatchcase(path, pattern)), ALL).split()
-    found = set()
-    for word in (*words, *ALWAYS.split()):
-        found.update([test for test in tests() if fnmatchcase(test, word)] or [word])
-    return found
+    return {found for word in (*words, *ALWAYS.split()) for found in files_of(word)}
 
 
 def parts(paths: Iterable[str]) -> dict[str, dict[str, list[str]]]:

@@ -54,6 +54,7 @@ def test_what_passes_is_run_once(tmp_path: Path) -> None:
     assert "alone" not in ran.stdout
 
 
+@pytest.mark.slow
 def test_what_passes_alone_is_named(tmp_path: Path) -> None:
     ran = run(tmp_path, fail_once=2, fails=False)
     assert ran.returncode == 0

@@ -584,14 +584,27 @@ def small_file() -> dict[str, Any]:
     return {"port": ports, **others}
 
 
+# A section that another one needs.
+BESIDE = {
+    "outstations": "outstations_tls",
+    "outstations_tls": "outstations",
+    "port": "templates",
+    "redundancy_groups": "event_ring",
+}
+
+
 def around(site: Site) -> dict[str, Any]:
-    """The small file without what the site does not need: the schema takes its time for each port."""
+    """The small file without what the site does not need: the schema takes its time for all of it."""
     document = small_file()
     ports = document["port"]
     if "synch" in site.properties():
         return document  # which names a line
-    if not site.place.startswith("iec61850"):
+    section = re.split(r"[.\[]", site.place)[0]
+    if section != "iec61850":
         del document["iec61850"]  # whose names have no room for every IOA
+    if section:
+        kept = ("port", "modules", section, BESIDE.get(section))
+        document = {key: value for key, value in document.items() if key in kept}
     for number, port in enumerate(ports):
         if f"port[{number}]" not in site.place:
             ports[number] = {"value": port["value"], "active": 0}

@@ -279,6 +279,7 @@ def test_removed_device_is_invalid_and_then_unknown(site: Site, master: Master) 
     assert connections(site) == here
 
 
+@pytest.mark.slow
 def test_events_wait_for_a_master_that_is_away(site: Site) -> None:
     """Its queue has events of both lines from before, during and after."""
     with Master(*site.gateway.address) as master:
@@ -342,6 +343,7 @@ def test_pulse_under_way_ends_before_its_line_is_exchanged(site: Site) -> None:
     assert written(site, address, mark) == [1, 0]
 
 
+@pytest.mark.slow
 def test_who_watches_sees_what_comes(site: Site) -> None:
     """`rtuctl watch` follows a changed line, whose segment is another, and an added one."""
     told = site.gateway.directory / "watched"
@@ -392,6 +394,7 @@ def foreign(site: Site, script: str) -> Config:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("script", "said"),
     [

@@ -43,6 +43,7 @@ def start(programs: Path) -> Iterator[Start]:
         assert list(Path("/dev/shm").glob(f"openrtu-{show.pid}-*")) == []
 
 
+@pytest.mark.slow
 def test_all_of_it_is_seen(start: Start) -> None:
     show = start("--port", str(free_port()))
     out, err = show.communicate(timeout=180)

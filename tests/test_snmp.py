@@ -268,6 +268,7 @@ VALUES = {
 BITS = {"invalid": 0x80, "not topical": 0x40, "substituted": 0x20, "blocked": 0x10, "overflow": 0x01}
 
 
+@pytest.mark.slow
 def test_every_point_is_as_rtuctl_says(site: Site) -> None:
     manager = site.manager(WATCH)
     points = site.desk.gateway.points()
@@ -298,6 +299,7 @@ def test_a_float_has_the_decimals_that_it_is_given(site: Site) -> None:
             assert values[index] == round(point["value"] * 10 ** decimals[index])
 
 
+@pytest.mark.slow
 def test_a_point_has_a_unit_and_limits(site: Site) -> None:
     manager = site.manager(WATCH)
     units = manager.walk("rtuPointUnit")
@@ -311,6 +313,7 @@ def test_a_point_has_a_unit_and_limits(site: Site) -> None:
 # ---- initialisation, cyclic data, polling --------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_station_tells_its_start_and_each_end_of_initialisation(site: Site) -> None:
     (started,) = site.received.wait_for("rtuStarted")
     assert started.value("rtuStationStarts") == 1
@@ -325,6 +328,7 @@ def test_the_station_tells_its_start_and_each_end_of_initialisation(site: Site) 
     assert site.manager().walk("rtuInitialised") == dict.fromkeys(map(str, sorted(stations)), 1)
 
 
+@pytest.mark.slow
 def test_cyclic_data_waits_for_each_manager_until_it_has_taken_it(site: Site) -> None:
     """It is told when it waits, and not again until somebody has taken it. Nobody takes another's."""
     manager, other = site.manager(), site.manager(ENGINEER)
@@ -445,6 +449,7 @@ def test_an_interrupted_selection(site: Site) -> None:
     assert site.writes(mark) == 0
 
 
+@pytest.mark.slow
 def test_a_refused_selection(site: Site) -> None:
     """Figure 4: a command from long ago."""
     manager, before = site.manager(), site.last()
@@ -456,6 +461,7 @@ def test_a_refused_selection(site: Site) -> None:
     assert manager.state(BREAKER) == INACTIVE
 
 
+@pytest.mark.slow
 def test_a_direct_command(site: Site) -> None:
     """Figure 5."""
     manager, before, mark = site.manager(), site.last(), site.desk.lines.mark()
@@ -528,6 +534,7 @@ def test_all_of_a_request_or_nothing(site: Site) -> None:
     assert (manager.state(LAMP), site.writes(mark)) == (INACTIVE, 0)
 
 
+@pytest.mark.slow
 def test_another_user_has_no_part_in_a_selection(site: Site) -> None:
     manager, other = site.manager(), site.manager(ENGINEER)
     manager.wish(BREAKER, SELECT, value=ON)
@@ -622,6 +629,7 @@ def freeze(site: Site, row: str, action: int, **more: int) -> None:
     assert manager.get(f"rtuFreezeState.{row}", f"rtuFreezeResult.{row}") == [EXECUTED, DONE]
 
 
+@pytest.mark.slow
 def test_a_manager_freezes_what_a_counter_interrogation_reads(site: Site) -> None:
     """And resets it: in both, and not in the meter."""
     manager = site.manager()
@@ -675,6 +683,7 @@ def test_parameters_of_a_request_are_in_force_together_or_not_at_all(site: Site)
         assert state == [low, b"\x30", DONE]
 
 
+@pytest.mark.slow
 def test_limits_move_in_either_direction(site: Site) -> None:
     """The owner takes one after the other; the low one is never above the high one."""
     row = "2020.30005"
@@ -710,6 +719,7 @@ def clock_ms(site: Site) -> int:
     return int.from_bytes(octets, "big")
 
 
+@pytest.mark.slow
 def test_a_manager_sets_the_clock(site: Site) -> None:
     """With what its message was under way; an old message finds another number, and a viewer is refused."""
     before, hour = site.last(), 3_600_000
@@ -731,6 +741,7 @@ def test_a_manager_sets_the_clock(site: Site) -> None:
     set_clock(site, int(time.time() * 1000))
 
 
+@pytest.mark.slow
 def test_a_group_is_interrogated_as_iec104_does(site: Site) -> None:
     for group, ca in ((1, 1010), (2, 1010), (3, 2020)):
         rows = site.manager().rows("snmpbulkwalk", "-Cr40", f"{oid('rtuGroupData')}.{group}")
@@ -739,6 +750,7 @@ def test_a_group_is_interrogated_as_iec104_does(site: Site) -> None:
         assert seen == {report.ioa for report in site.desk.master.interrogate(ca, group)}
 
 
+@pytest.mark.slow
 def test_a_manager_sees_what_a_controlling_station_commands(site: Site) -> None:
     before = site.last()
     ca, ioa = map(int, LAMP.split("."))

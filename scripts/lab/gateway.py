@@ -25,6 +25,7 @@ from lab.patience import Deadline
 REPOSITORY = Path(__file__).resolve().parents[2]
 START_TIMEOUT_S = 60.0
 STOP_TIMEOUT_S = 30.0
+PAUSE_MAX_S = 0.1  # between two questions
 RESTARTS_MAX = 3
 HEARTBEAT_LIMIT_MS = 2000  # a line process that a busy host lets wait is not dead
 TESTFR_ACT = bytes.fromhex("680443000000")
@@ -128,7 +129,8 @@ class Rtu(ABC):
         """Waits until condition() is true; returns the seconds it took. Raises GatewayError with the log.
 
         timeout_s is for an idle machine (lab.patience). Each question leaves the gateway twice the time of
-        its answer: a board that does nothing but answer would do the rest late.
+        its answer: a board that does nothing but answer would do the rest late. What takes long is asked for
+        less and less often.
         """
         deadline = Deadline(timeout_s)
         asked = deadline.waited
@@ -137,7 +139,8 @@ class Rtu(ABC):
             if deadline.over:
                 seen = f"not within {deadline.waited:.0f} s"
                 raise GatewayError(f"{seen}: {what}\n{self.log()}", expected=what, seen=seen)
-            time.sleep(max(0.005, 2 * (deadline.waited - asked)))
+            now = deadline.waited
+            time.sleep(max(0.005, 2 * (now - asked), min(now / 10, PAUSE_MAX_S)))
             asked = deadline.waited
         return deadline.waited
 

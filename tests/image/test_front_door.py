@@ -308,6 +308,8 @@ WRONG = [
     ("system SITE=sites/more", "sites/more/config.yaml is not a setting of a site"),
     ("image SITE=sites/macs", 'sites/macs/macs has no line "eth0 XX:XX:XX:XX:XX:XX"'),
     ("image SITE=sites/ntp", "sites/ntp/ntp names neither a server nor the receiver"),
+    ("centre PORT=nope", "PORT=nope is not a TCP port"),
+    ("centre STATIONS=nope.json", "STATIONS=nope.json is not a file; docs/centre.md says what belongs in it"),
     ("netboot SITE=sites/password PORT=/dev/null", "sites/password/root-password is not a hash of crypt(5)"),
     ("netboot", "netboot: PORT is missing"),
     ("netboot PORT=/dev/nope", "netboot: PORT=/dev/nope is not a serial port; this machine has: "),
@@ -327,18 +329,27 @@ SITES = {
 }
 
 
-@pytest.mark.parametrize(("words", "message"), WRONG)
-def test_what_cannot_be_used_is_said_before_anything_is_built(tree: Tree, words: str, message: str) -> None:
+@pytest.fixture(scope="module")
+def bare_tree(tmp_path_factory: pytest.TempPathFactory) -> Tree:
+    """With sites, and nothing built."""
+    tree = Tree(tmp_path_factory.mktemp("bare"))
     for folder in ("build", ".venv"):
         shutil.rmtree(tree.folder / folder)
     for name, (file, text) in SITES.items():
         (tree.folder / "sites" / name).mkdir(parents=True)
         (tree.folder / "sites" / name / file).write_text(text)
-    run = tree.make(*words.split())
+    return tree
+
+
+@pytest.mark.parametrize(("words", "message"), WRONG)
+def test_what_cannot_be_used_is_said_before_anything_is_built(
+    bare_tree: Tree, words: str, message: str
+) -> None:
+    run = bare_tree.make(*words.split())
     assert run.returncode == 2
     assert message in run.stderr.splitlines()[-1]
     assert run.stdout == ""
-    assert not (tree.folder / "build").exists()
+    assert not (bare_tree.folder / "build").exists()
 
 
 @pytest.mark.slow

@@ -1,17 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """nuc980-pins as a user types it: what it prints where, and its exit codes."""
 
+import io
 import json
 import os
 import re
 import shlex
 import shutil
 import subprocess
+from contextlib import chdir, redirect_stderr, redirect_stdout
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 from trees import ROOT, gateway, soc
 
+from nuc980.pins.cli import main
 from nuc980.pins.rules import RULES
 
 PROGRAM = ROOT / "scripts" / "nuc980-pins"
@@ -25,8 +29,23 @@ SD_HOST_ON = """
 """
 
 
-def run(*words: str | Path, cwd: Path = ROOT) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([PROGRAM, *words], cwd=cwd, capture_output=True, text=True, check=False)
+@dataclass
+class Ended:
+    """What the program did, as subprocess has it."""
+
+    returncode: int | str | None
+    stdout: str
+    stderr: str
+
+
+def run(*words: str | Path, cwd: Path = ROOT) -> Ended:
+    """In this process: a start of Python takes longer than most of what is asked."""
+    with chdir(cwd), redirect_stdout(io.StringIO()) as out, redirect_stderr(io.StringIO()) as err:
+        try:
+            code: int | str | None = main([str(word) for word in words])
+        except SystemExit as end:
+            code = end.code
+    return Ended(code, out.getvalue(), err.getvalue())
 
 
 @pytest.fixture

@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from mutation import Mutation, assert_found
@@ -32,7 +33,16 @@ DTS = ROOT / "dts" / "nuvoton" / "nuc980-gateway.dts"
 CHIP_MUTATIONS = PIN_MUTATIONS + DEVICE_MUTATIONS + PROPERTY_MUTATIONS
 
 
-@pytest.mark.parametrize("mutation", CHIP_MUTATIONS, ids=str)
+def quick_once_a_rule(mutations: list[Mutation]) -> list[Any]:
+    """The first of each rule is quick."""
+    quick = {mutation.rule: mutation for mutation in reversed(mutations)}.values()
+    return [
+        mutation if mutation in quick else pytest.param(mutation, marks=pytest.mark.slow)
+        for mutation in mutations
+    ]
+
+
+@pytest.mark.parametrize("mutation", quick_once_a_rule(CHIP_MUTATIONS), ids=str)
 def test_mistake_against_the_chip(mutation: Mutation, tmp_path: Path) -> None:
     tree = read(tmp_path, mutation.good + mutation.more, mutation.soc)
     assert_found(mutation, check(tree, CHIP, package=CHIP.packages["LQFP128"]))
@@ -41,7 +51,7 @@ def test_mistake_against_the_chip(mutation: Mutation, tmp_path: Path) -> None:
     assert {mutation.rule, *mutation.also} <= with_table
 
 
-@pytest.mark.parametrize("mutation", TABLE_MUTATIONS + BOOT_MUTATIONS, ids=str)
+@pytest.mark.parametrize("mutation", quick_once_a_rule(TABLE_MUTATIONS + BOOT_MUTATIONS), ids=str)
 def test_mistake_against_the_pin_table(mutation: Mutation, tmp_path: Path) -> None:
     tree = read(tmp_path, mutation.good + mutation.more, mutation.soc)
     table = replace(BOARD, devices=BOARD.devices | more_pins(mutation.table))
