@@ -576,7 +576,7 @@ bench-polls: build $(TESTED) ## Maintain: of the bench the polls of positions an
 bench-map: build centre-page build/packages-centre.done $(TESTED) ## Maintain: frames a second of the control centre's map
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/frames.py
 
-bench: build qemu uboot build/root/gateway-tls.done build/net-snmp-agent/done $(VENV) ## Maintain: measure ours beside what else does the same (docs/bench.md; LIB60870=folder)
+bench: build qemu uboot build/root/gateway-tls.done build/net-snmp-agent/done $(VENV) ## Maintain: measure ours beside what else does it (docs/bench.md; LIB60870=folder)
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/bench.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/stations.py $(if $(LIB60870),--lib60870 '$(LIB60870)')
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/lines.py

@@ -23,6 +23,7 @@ LICENCES = [
     ("board/nuc980/qemu/*", "GPL-2.0-or-later"),
     ("dts/bindings/*", "GPL-2.0-only OR BSD-2-Clause"),
     ("dts/*", "GPL-2.0-only OR MIT"),
+    ("scripts/lab/boat.nmea", "BSD-2-Clause"),
     ("*", "GPL-3.0-or-later"),
 ]
 NO_COMMENT = {".csv", ".json", ".pcap", ".png", ".seed", "VERSION", "copyright", "format"}

@@ -2,8 +2,7 @@
 """
 A boat's GPS receiver on a line of the gateway, and `rtu-centre`, which polls its position.
 
-What it says is recorded: a chart plotter's lines on the IJsselmeer, of gpsd's regression tests (BSD-2-Clause,
-copyright the GPSD project), from Debian's source package.
+What it says is recorded: two minutes of a chart plotter on the IJsselmeer. boat.nmea says by whom.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from lab.errors import LabError
-from lab.gateway import REPOSITORY, default_build
+from lab.gateway import default_build
 from lab.patience import Deadline
 
 PORT, DEVICE, BAUD_RATE = 6, "ttyS8", 9600
@@ -39,9 +38,8 @@ FIXES = 3  # different ones, that the show waits for
 ANSWER_S = 60.0
 ROUNDED = 1.1e-7  # degree
 
-RECORDING = REPOSITORY / "build/gpsd/debian/test/daemon/bundg_zeus_9.log"
+RECORDING = Path(__file__).parent / "boat.nmea"
 BURST = re.compile(rb"\$GPGGA,")  # each second's first line
-RECEIVERS = re.compile(rb"^\$GP(?:GGA|GSA|GSV|VTG),[!-~]+\r?\n", re.MULTILINE)  # not the other instruments'
 PLACE = re.compile(rb"\$GPGGA,[\d.]*,(\d\d)([\d.]+),N,(\d{3})([\d.]+),E,")
 
 # docs/centre.md: a packet's header, a record's begin, a position's end.
@@ -59,12 +57,7 @@ def instead_of_devices(config: dict[str, Any]) -> dict[str, Any]:
 
 def bursts() -> list[bytes]:
     """What the receiver said, second by second."""
-    try:
-        lines = RECEIVERS.findall(RECORDING.read_bytes())
-    except FileNotFoundError as error:
-        raise LabError(
-            f"{RECORDING} is not there", advice="type: make build/gpsd/debian.dsc, which fetches it"
-        ) from error
+    lines = [line for line in RECORDING.read_bytes().splitlines(keepends=True) if line.startswith(b"$")]
     begins = [number for number, line in enumerate(lines) if BURST.match(line)]
     return [b"".join(lines[begin:end]) for begin, end in itertools.pairwise([*begins, len(lines)])]
 
