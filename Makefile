@@ -206,7 +206,12 @@ LINUX_PARTS := scripts/build-linux.sh scripts/patched-source.sh $(LINUX_FRAGMENT
 
 linux: build/linux/done ## Build: the board's Linux: Debian's 6.1 with PREEMPT_RT and our port
 
-build/linux/done: $(LINUX_PARTS) build/linux/debian.dsc | build/packages-twin.done
+# Its source alone, for make image-offline, which compiles it otherwise.
+build/linux/source.inputs: $(LINUX_PARTS) build/linux/debian.dsc
+	$(LOGGED) linux-patches scripts/build-linux.sh build/linux/debian
+	@touch $@
+
+build/linux/done: $(LINUX_PARTS) build/linux/source.inputs | build/packages-twin.done
 	$(LOGGED) linux scripts/build-linux.sh build/linux/debian $(@D) $(LINUX_FRAGMENTS)
 	@touch $@
 
@@ -398,7 +403,7 @@ check-image: $(VENV) ## Test: the Buildroot configurations, with Buildroot's own
 	PYTHONPATH=scripts $(PYTHON) -m image.check $(BUILDROOT_DIR)
 
 $(patsubst %,build/%/images/manifest.json,$(sort $(IMAGES) $(OFFLINE_IMAGES))): build/%/images/manifest.json: build/%/.config FORCE # +: with -j, several packages at a time
-	+$(LOGGED) $* $(call buildroot,$*)
+	+$(LOGGED) $* env CCACHE_DIR=$(BR2_CCACHE_DIR) $(call buildroot,$*)
 
 $(patsubst %,build/%/.config,$(filter-out %-development %-offline,$(IMAGES))): build/%/.config: configs/%_defconfig $(BUILDROOT_DIR)/Makefile | build/packages-image.done
 	$(call buildroot,$*) $*_defconfig

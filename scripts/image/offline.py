@@ -52,13 +52,17 @@ class Source:
     autoreconf: bool = False
     edits: Mapping[str, str] = field(default_factory=dict)
     """sed's expression for a file."""
+    make: str = ""
+    """Lines of Buildroot's own make."""
     folder: str = ""
     """Where it is if other targets make it: then those say which version it is."""
+    target: str = ""
+    """That target."""
 
     @property
     def made(self) -> str:
         """What make builds for it."""
-        return f"build/{self.debian}/done" if self.folder else f"build/{self.debian}/debian.dsc"
+        return self.target or f"build/{self.debian}/debian.dsc"
 
     @property
     def path(self) -> Path:
@@ -90,6 +94,11 @@ def read_table(file: Path = TABLE) -> Table:
         f"{each.package} needs a version and its .dsc's SHA-256"
         for each in table.sources
         if not each.folder and not (each.version and SUM.fullmatch(each.sha256))
+    ]
+    wrong += [
+        f"{each.package} needs both a folder and the target that makes it"
+        for each in table.sources
+        if bool(each.folder) != bool(each.target)
     ]
     if wrong:
         raise UnusableInput(f"{file}: {'; '.join(wrong)}")
@@ -142,6 +151,7 @@ def overrides(table: Table) -> str:
             lines.append(f"define {name}_OFFLINE_EDITS")
             lines += [f"\tsed -i '{expression}' $(@D)/{file}" for file, expression in each.edits.items()]
             lines += ["endef", f"{name}_POST_RSYNC_HOOKS += {name}_OFFLINE_EDITS"]
+        lines += each.make.splitlines()
         lines.append(f"{name}_CPE_ID_VERSION = {release(version_of(each.description))}")
     return "\n".join(lines) + "\n"
 
