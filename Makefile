@@ -392,11 +392,18 @@ savedefconfig: build/$(IMAGE)/.config
 newer: $(VENV) ## Maintain: newer releases of Linux and Buildroot (WRITE=1: move to them)
 	@PYTHONPATH=scripts $(PYTHON) -m image.newer $(if $(WRITE),--write) || [ $$? = 1 ]
 
-sbom: build/$(IMAGE)/.config $(VENV)
+# The list of SPDX licences, which Buildroot would fetch.
+LICENCES := $(BR2_DL_DIR)/cyclonedx/spdx-1.6.schema.json
+
+$(LICENCES): $(VENV)
+	@install -D -m 644 .venv/lib/python3*/site-packages/cyclonedx/schema/_res/spdx.SNAPSHOT.schema.json $@
+
+sbom: build/$(IMAGE)/.config $(LICENCES)
 	$(BUILDROOT) --silent show-info > build/$(IMAGE)/show-info.json
+	$(if $(filter %-offline,$(IMAGE)),$(OFFLINE) describe build/$(IMAGE)/show-info.json)
 	$(BUILDROOT_DIR)/utils/generate-cyclonedx --project-name $(IMAGE) --project-version $(file < $(SRC)/VERSION) \
-	  --in-file build/$(IMAGE)/show-info.json --out-file build/$(IMAGE)/sbom.cdx.json 2> build/$(IMAGE)/sbom.log || { echo "sbom: $$(tail -n 1 \
-	  build/$(IMAGE)/sbom.log); Buildroot fetches the list of SPDX licences for it, once" >&2; exit 2; }
+	  --in-file build/$(IMAGE)/show-info.json --out-file build/$(IMAGE)/sbom.cdx.json 2> build/$(IMAGE)/sbom.log || { \
+	  echo "sbom: $$(tail -n 1 build/$(IMAGE)/sbom.log)" >&2; exit 2; }
 	PYTHONPATH=scripts $(PYTHON) -m image.sbom build/$(IMAGE)/sbom.cdx.json
 
 check-image: $(VENV) ## Test: the Buildroot configurations, with Buildroot's own tools
