@@ -206,7 +206,12 @@ LINUX_PARTS := scripts/build-linux.sh scripts/patched-source.sh $(LINUX_FRAGMENT
 
 linux: build/linux/done ## Build: the board's Linux: Debian's 6.1 with PREEMPT_RT and our port
 
-build/linux/done: $(LINUX_PARTS) build/linux/debian.dsc | build/packages-twin.done
+# Its source alone, for make image-offline, which compiles it otherwise.
+build/linux/source.inputs: $(LINUX_PARTS) build/linux/debian.dsc
+	$(LOGGED) linux-patches scripts/build-linux.sh build/linux/debian
+	@touch $@
+
+build/linux/done: $(LINUX_PARTS) build/linux/source.inputs | build/packages-twin.done
 	$(LOGGED) linux scripts/build-linux.sh build/linux/debian $(@D) $(LINUX_FRAGMENTS)
 	@touch $@
 
@@ -387,18 +392,25 @@ savedefconfig: build/$(IMAGE)/.config
 newer: $(VENV) ## Maintain: newer releases of Linux and Buildroot (WRITE=1: move to them)
 	@PYTHONPATH=scripts $(PYTHON) -m image.newer $(if $(WRITE),--write) || [ $$? = 1 ]
 
-sbom: build/$(IMAGE)/.config $(VENV)
+# The list of SPDX licences, which Buildroot would fetch.
+LICENCES := $(BR2_DL_DIR)/cyclonedx/spdx-1.6.schema.json
+
+$(LICENCES): $(VENV)
+	@install -D -m 644 .venv/lib/python3*/site-packages/cyclonedx/schema/_res/spdx.SNAPSHOT.schema.json $@
+
+sbom: build/$(IMAGE)/.config $(LICENCES)
 	$(BUILDROOT) --silent show-info > build/$(IMAGE)/show-info.json
+	$(if $(filter %-offline,$(IMAGE)),$(OFFLINE) describe build/$(IMAGE)/show-info.json)
 	$(BUILDROOT_DIR)/utils/generate-cyclonedx --project-name $(IMAGE) --project-version $(file < $(SRC)/VERSION) \
-	  --in-file build/$(IMAGE)/show-info.json --out-file build/$(IMAGE)/sbom.cdx.json 2> build/$(IMAGE)/sbom.log || { echo "sbom: $$(tail -n 1 \
-	  build/$(IMAGE)/sbom.log); Buildroot fetches the list of SPDX licences for it, once" >&2; exit 2; }
+	  --in-file build/$(IMAGE)/show-info.json --out-file build/$(IMAGE)/sbom.cdx.json 2> build/$(IMAGE)/sbom.log || { \
+	  echo "sbom: $$(tail -n 1 build/$(IMAGE)/sbom.log)" >&2; exit 2; }
 	PYTHONPATH=scripts $(PYTHON) -m image.sbom build/$(IMAGE)/sbom.cdx.json
 
 check-image: $(VENV) ## Test: the Buildroot configurations, with Buildroot's own tools
 	PYTHONPATH=scripts $(PYTHON) -m image.check $(BUILDROOT_DIR)
 
 $(patsubst %,build/%/images/manifest.json,$(sort $(IMAGES) $(OFFLINE_IMAGES))): build/%/images/manifest.json: build/%/.config FORCE # +: with -j, several packages at a time
-	+$(LOGGED) $* $(call buildroot,$*)
+	+$(LOGGED) $* env CCACHE_DIR=$(BR2_CCACHE_DIR) $(call buildroot,$*)
 
 $(patsubst %,build/%/.config,$(filter-out %-development %-offline,$(IMAGES))): build/%/.config: configs/%_defconfig $(BUILDROOT_DIR)/Makefile | build/packages-image.done
 	$(call buildroot,$*) $*_defconfig

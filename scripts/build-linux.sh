@@ -1,14 +1,15 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-3.0-or-later
-# build-linux.sh DEBIAN FOLDER [FRAGMENT...]: Linux for the gateway board, from Debian's unpacked source.
+# build-linux.sh DEBIAN [FOLDER [FRAGMENT...]]: Linux for the gateway board, from Debian's unpacked source.
 #
 # The folder `source` beside DEBIAN becomes DEBIAN with its own PREEMPT_RT series and patches/linux/6.1 applied, and with
-# dts/bindings among its bindings. FOLDER gets zImage, vmlinux and .config: nuc980_defconfig and the fragments.
+# dts/bindings among its bindings. FOLDER gets zImage, vmlinux and .config: nuc980_defconfig and the fragments. Without FOLDER
+# nothing is compiled.
 set -euo pipefail
 
 debian=$(realpath -e "$1")
-folder=$(realpath -m "$2")
-shift 2
+folder=${2:+$(realpath -m "$2")}
+shift "$(($# < 2 ? $# : 2))"
 tree=$(realpath -e "$(dirname "$0")/..")
 source=${debian%/*}/source
 rt=$debian/debian/patches-rt
@@ -78,10 +79,11 @@ build() {
 	install --target-directory="$folder" "$folder"/build/{arch/arm/boot/zImage,vmlinux,.config}
 }
 
-mkdir -p "$folder"
 if ! [[ -e $source.inputs && $(source_inputs) == "$(<"$source.inputs")" ]]; then
 	stage
 fi
+[ -n "$folder" ] || exit 0
+mkdir -p "$folder"
 if [[ -e $folder/inputs && $(inputs "$@") == "$(<"$folder/inputs")" ]]; then
 	exit 0
 fi

@@ -99,6 +99,9 @@ check_site() {
 # The agent is there for the SNMP module that is to use it; started as it is, it would listen for nobody.
 rm -f "$target/etc/init.d/S59snmpd"
 
+# Nothing writes U-Boot's environment in service.
+rm -f "$target"/usr/{bin,sbin}/fw_setenv
+
 # Buildroot's own would start chronyd without servers, too: S45chronyd does not.
 rm -f "$target"/etc/init.d/S49chrony*
 

@@ -25,6 +25,7 @@ from zlib import crc32
 from nuc980.errors import UnusableInput
 
 ROOT = Path(__file__).resolve().parents[2]
+OFFLINE = ROOT / "build" / "offline"
 DONE, REFUSED, UNUSABLE = 0, 1, 2
 
 
@@ -375,19 +376,30 @@ def openrtu() -> dict[str, str | None]:
 def sources_of_buildroot(config: dict[str, str], os_release: Path) -> dict[str, dict[str, str | None]]:
     """Where all of it comes from. The version of a package: the SBOM has them."""
     version = buildroot_version(os_release)
+    return {
+        "buildroot": {"version": version, "commit": pinned_commit(version)},
+        **(sources_of_debian(OFFLINE / "versions") if is_offline(config) else sources_of_upstream(config)),
+        "toolchain": {
+            "gcc": config.get("BR2_TOOLCHAIN_GCC_AT_LEAST"),
+            "headers": config.get("BR2_TOOLCHAIN_HEADERS_AT_LEAST"),
+        },
+    }
+
+
+def is_offline(config: dict[str, str]) -> bool:
+    """Made from Debian's sources: `make image-offline`."""
+    return config.get("BR2_PACKAGE_OVERRIDE_FILE", "").endswith("/build/offline/overrides.mk")
+
+
+def sources_of_upstream(config: dict[str, str]) -> dict[str, dict[str, str | None]]:
     linux = "BR2_LINUX_KERNEL"
     return {
         "openrtu": openrtu(),
-        "buildroot": {"version": version, "commit": pinned_commit(version)},
         "linux": {
             "version": config.get(f"{linux}_VERSION"),
             "repository": config.get(f"{linux}_CUSTOM_REPO_URL"),
             "commit": config.get(f"{linux}_CUSTOM_REPO_VERSION"),
             "patch": config.get(f"{linux}_PATCH"),
-        },
-        "toolchain": {
-            "gcc": config.get("BR2_TOOLCHAIN_GCC_AT_LEAST"),
-            "headers": config.get("BR2_TOOLCHAIN_HEADERS_AT_LEAST"),
         },
     }
 

@@ -52,13 +52,17 @@ class Source:
     autoreconf: bool = False
     edits: Mapping[str, str] = field(default_factory=dict)
     """sed's expression for a file."""
+    make: str = ""
+    """Lines of Buildroot's own make."""
     folder: str = ""
     """Where it is if other targets make it: then those say which version it is."""
+    target: str = ""
+    """That target."""
 
     @property
     def made(self) -> str:
         """What make builds for it."""
-        return f"build/{self.debian}/done" if self.folder else f"build/{self.debian}/debian.dsc"
+        return self.target or f"build/{self.debian}/debian.dsc"
 
     @property
     def path(self) -> Path:
@@ -90,6 +94,11 @@ def read_table(file: Path = TABLE) -> Table:
         f"{each.package} needs a version and its .dsc's SHA-256"
         for each in table.sources
         if not each.folder and not (each.version and SUM.fullmatch(each.sha256))
+    ]
+    wrong += [
+        f"{each.package} needs both a folder and the target that makes it"
+        for each in table.sources
+        if bool(each.folder) != bool(each.target)
     ]
     if wrong:
         raise UnusableInput(f"{file}: {'; '.join(wrong)}")
@@ -142,8 +151,44 @@ def overrides(table: Table) -> str:
             lines.append(f"define {name}_OFFLINE_EDITS")
             lines += [f"\tsed -i '{expression}' $(@D)/{file}" for file, expression in each.edits.items()]
             lines += ["endef", f"{name}_POST_RSYNC_HOOKS += {name}_OFFLINE_EDITS"]
-        lines.append(f"{name}_CPE_ID_VERSION = {release(version_of(each.description))}")
+        lines += each.make.splitlines()
     return "\n".join(lines) + "\n"
+
+
+def versions(table: Table) -> str:
+    """What the manifest says of the sources, as image.manifest reads it."""
+    return "".join(f"{each.debian} {version_of(each.description)}\n" for each in table.sources)
+
+
+def described(packages: Mapping[str, Mapping[str, Any]], table: Table) -> dict[str, Mapping[str, Any]]:
+    """What show-info says, for a bill of materials: of Debian's sources, without this machine's programs."""
+    machines = {name for name, package in packages.items() if stands_in(name, package, table)}
+    sources = {each.package: each for each in table.sources}
+    return {
+        name: package
+        | {"dependencies": [each for each in package.get("dependencies", ()) if each not in machines]}
+        | (of_debian(package, sources[name]) if name in sources else {})
+        for name, package in packages.items()
+        if name not in machines
+    }
+
+
+def of_debian(package: Mapping[str, Any], source: Source) -> dict[str, Any]:
+    """Buildroot's patches are not in it, so neither are the CVEs mended that they mend."""
+    version = release(version_of(source.description))
+    row: dict[str, Any] = {
+        "version": version,
+        "downloads": [],
+        "hashes": [],
+        "patches": [],
+        "ignore_cves": [],
+    }
+    if "cpe-id" in package:
+        number, update = re.fullmatch(r"(.*?)(p\d+)?", version).groups()
+        words = package["cpe-id"].split(":")
+        words[5:7] = number, update or "-"
+        row["cpe-id"] = ":".join(words)
+    return row
 
 
 def stands_in(name: str, package: Mapping[str, Any], table: Table) -> bool:
@@ -203,6 +248,8 @@ def main(words: Sequence[str] | None = None) -> int:
     command = commands.add_parser("seed", help="mark as installed what this machine has")
     command.add_argument("output", type=Path, help="Buildroot's folder O")
     command.add_argument("packages", type=Path, help="what Buildroot's show-info says of it")
+    command = commands.add_parser("describe", help="make a file of show-info say what was built")
+    command.add_argument("packages", type=Path, help="the file")
     arguments = parser.parse_args(words)
     try:
         table = read_table()
@@ -213,6 +260,10 @@ def main(words: Sequence[str] | None = None) -> int:
                 check(each)
             arguments.file.parent.mkdir(parents=True, exist_ok=True)
             arguments.file.write_text(overrides(table), encoding="utf-8")
+            arguments.file.with_name("versions").write_text(versions(table), encoding="utf-8")
+        elif arguments.command == "describe":
+            packages = json.loads(arguments.packages.read_text(encoding="utf-8"))
+            arguments.packages.write_text(json.dumps(described(packages, table)), encoding="utf-8")
         else:
             packages = json.loads(arguments.packages.read_text(encoding="utf-8"))
             if missing := sorted(not_covered(packages, table)):

@@ -15,6 +15,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from image import manifest
 from image.manifest import Refused, judge_device_tree, main, read_limits, ubi_crc
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -163,6 +164,19 @@ def test_manifest_names_the_sources(output: Output) -> None:
     assert sources["openrtu"]["version"] == (ROOT / "package/openrtu/src/VERSION").read_text().strip()
     assert sources["buildroot"]["version"] == "2026.02.3"
     assert f"commit: {sources['buildroot']['commit']}" in (ROOT / "configs" / "kas.yml").read_text()
+
+
+def test_manifest_of_debians_sources_names_no_other_kernel(
+    output: Output, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(manifest, "OFFLINE", output.folder)
+    (output.folder / "versions").write_text("linux 6.1.176-1\nopenssh 1:9.2p1-2+deb12u10\n")
+    output.configure('BR2_PACKAGE_OVERRIDE_FILE="$(A_TREE)/../build/offline/overrides.mk"')
+    assert output.judge() == 0
+    sources = json.loads(output.manifest.read_text())["sources"]
+    assert sources["debian"] == {"linux": "6.1.176-1", "openssh": "1:9.2p1-2+deb12u10"}
+    assert {"openrtu", "buildroot"} <= set(sources)
+    assert "linux" not in sources
 
 
 @pytest.mark.parametrize(

@@ -67,6 +67,10 @@ def test_what_no_symbol_names_has_a_row() -> None:
         (ROW.replace(SUM, "12") + "[programs]\n", "jansson needs a version and its .dsc's SHA-256"),
         (ROW.replace('version = "2.14-2"\n', "") + "[programs]\n", "jansson needs a version"),
         (ROW + ROW + "[programs]\n", "jansson is there twice"),
+        (
+            ROW + 'folder = "build/a"\n[programs]\n',
+            "jansson needs both a folder and the target that makes it",
+        ),
         (ROW + 'colour = "red"\n[programs]\n', "colour"),
         (ROW + "[programs]\n[tools]\n", "tools is no part of the table"),
         (ROW, "programs"),
@@ -90,7 +94,10 @@ def fetched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> offline.Source:
     file.write_text(text)
     sha256 = hashlib.sha256(text.encode()).hexdigest()
     edits = {"a.h": "/one/a two"}
-    return offline.Source("libmodbus", "libmodbus", "1:3.1.6-2.1", sha256, autoreconf=True, edits=edits)
+    lines = "override LIBMODBUS_INSTALL_CMDS = true\n"
+    return offline.Source(
+        "libmodbus", "libmodbus", "1:3.1.6-2.1", sha256, autoreconf=True, edits=edits, make=lines
+    )
 
 
 def test_overrides_name_source_and_release(fetched: offline.Source, tmp_path: Path) -> None:
@@ -102,7 +109,7 @@ def test_overrides_name_source_and_release(fetched: offline.Source, tmp_path: Pa
         "\tsed -i '/one/a two' $(@D)/a.h",
         "endef",
         "LIBMODBUS_POST_RSYNC_HOOKS += LIBMODBUS_OFFLINE_EDITS",
-        "LIBMODBUS_CPE_ID_VERSION = 3.1.6",
+        "override LIBMODBUS_INSTALL_CMDS = true",
     ]
 
 
@@ -131,6 +138,39 @@ def test_release_in_a_version_of_debians(version: str, release: str) -> None:
 def package(kind: str, name: str, *, archive: bool = True) -> dict[str, Any]:
     downloads = [{"source": f"{name}-1.tar.xz"}] if archive else []
     return {"type": kind, "stamp_dir": f"build/{name}-1", "downloads": downloads}
+
+
+def test_bill_has_debians_release_and_nothing_that_buildroot_would_patch(fetched: offline.Source) -> None:
+    table = offline.Table((fetched,), {})
+    patched = {
+        "version": "3.1.11",
+        "cpe-id": "cpe:2.3:a:libmodbus:libmodbus:3.1.11:-:*:*:*:*:*:*",
+        "patches": ["package/libmodbus/0001-mends.patch"],
+        "ignore_cves": ["CVE-2026-1"],
+        "dependencies": ["host-libtool", "toolchain"],
+    }
+    packages = {
+        "libmodbus": package("target", "libmodbus") | patched,
+        "host-libtool": package("host", "host-libtool"),
+        "rootfs-ubi": {"type": "rootfs", "dependencies": ["host-libtool", "libmodbus"]},
+    }
+    bill = offline.described(packages, table)
+    assert set(bill) == {"libmodbus", "rootfs-ubi"}
+    library = bill["libmodbus"]
+    assert library["version"] == "3.1.6"
+    assert library["cpe-id"] == "cpe:2.3:a:libmodbus:libmodbus:3.1.6:-:*:*:*:*:*:*"
+    assert not any(library[name] for name in ("patches", "ignore_cves", "downloads", "hashes"))
+    assert [each["dependencies"] for each in bill.values()] == [["toolchain"], ["libmodbus"]]
+
+
+def test_portable_openssh_is_known_by_release_and_update(fetched: offline.Source) -> None:
+    fetched.description.write_text("Version: 1:9.2p1-2+deb12u10\n")
+    known = {"cpe-id": "cpe:2.3:a:openbsd:openssh:10.2:p2:*:*:*:*:*:*"}
+    assert offline.of_debian(known, fetched)["cpe-id"] == "cpe:2.3:a:openbsd:openssh:9.2:p1:*:*:*:*:*:*"
+
+
+def test_manifest_gets_each_source(fetched: offline.Source) -> None:
+    assert offline.versions(offline.Table((fetched,), {})) == "libmodbus 1:3.1.6-2.1\n"
 
 
 def test_only_what_would_be_downloaded_for_the_host_is_marked(tmp_path: Path) -> None:

@@ -16,11 +16,13 @@ HASH = "$6$salt.of/it$Zn.3/abcXYZ0"
 def target(tmp_path: Path) -> Path:
     """A root file system as Buildroot hands it over, with what an earlier build left."""
     root = tmp_path / "target"
-    for folder in ("etc/init.d", "etc/openrtu", "root/.ssh"):
+    for folder in ("etc/init.d", "etc/openrtu", "root/.ssh", "usr/bin"):
         (root / folder).mkdir(parents=True)
     (root / "etc/shadow").write_text(LOCKED)
     for script in ("S49chronyd", "S50sshd", "S59snmpd"):
         (root / "etc/init.d" / script).touch()
+    (root / "usr/bin/fw_printenv").touch()
+    (root / "usr/bin/fw_setenv").symlink_to("fw_printenv")
     (root / "etc/openrtu/gateway.json").write_text("of another site")
     (root / "root/.ssh/authorized_keys").write_text("of another site")
     return root
@@ -43,6 +45,11 @@ def test_without_a_site_nobody_can_log_in_and_nothing_listens(target: Path) -> N
     assert not (target / "etc/openrtu").exists()
     assert not list((target / "etc/init.d").iterdir())
     assert not (target / "etc/chrony").exists()
+
+
+def test_environment_of_u_boot_is_read_only(target: Path) -> None:
+    assert build(target).returncode == 0
+    assert [file.name for file in (target / "usr/bin").iterdir()] == ["fw_printenv"]
 
 
 def test_image_says_its_version_once(target: Path) -> None:
