@@ -95,6 +95,7 @@ class Device:
 
     objects: dict[Key, dict[str, str]] = field(default_factory=dict)  # type by FC and path
     models: dict[Key, str] = field(default_factory=dict)
+    units: dict[Key, str] = field(default_factory=dict)
     texts: dict[Key, str] = field(default_factory=dict)  # d
     addresses: dict[Key, tuple[int, int]] = field(default_factory=dict)
     sets: dict[str, list[Element]] = field(default_factory=dict)
@@ -155,6 +156,11 @@ class File:
                 device.models[key] = value.text or ""
             if each.get("name") == "d" and value is not None:
                 device.texts[key] = value.text or ""
+        for each in (each for each in all_of(data, "SDI") if each.get("name") == "units"):
+            values = [(part.get("name"), one_of(part, "Val")) for part in all_of(each, "DAI")]
+            device.units[key] = " ".join(
+                sorted(f"{name}={value.text or ''}" for name, value in values if value is not None)
+            )
         address = next(data.iter(ADDRESS_104), None)
         if address is not None:
             device.addresses[key] = int(address.get("casdu", "0")), int(address.get("ioa", "0"))
@@ -289,6 +295,11 @@ class Taker:
                     self.errors.append(
                         f"{where}: {path} is {own.objects[before].get(path, 'not there')}, not {kind}"
                     )
+            if key in cid.units and cid.units[key] != own.units.get(before):
+                self.errors.append(
+                    f"{where}: is in {own.units.get(before, 'no unit')}, not in {cid.units[key]}: "
+                    'the point\'s "unit" makes it'
+                )
             if cid.models.get(key) != own.models.get(before) and key in cid.models:
                 wanted = cid.models[key]
                 self.errors.append(

@@ -2,6 +2,7 @@
 """`rtud --scl`: IEC's schema takes it, and it says what the server answers, by name and type."""
 
 import json
+import struct
 import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -34,6 +35,8 @@ def site_config(port: int) -> dict[str, Any]:
         if each["name"] in NODES:
             each["ln"] = NODES[each["name"]]
     config["modules"] = [TRANSFORMER]
+    feeder = next(each for each in config["port"][0]["slaves"] if each["id"] == 10)
+    feeder["holding_registers"].append(SET_POINT)
     config["iec61850"]["data_sets"] = CHOSEN
     return config
 
@@ -58,6 +61,45 @@ CHOSEN = [
     },
     {"name": "All", "conf_rev": 7, "points": ["t1.trip", "t1.tap"], "reports": [{"name": "urcbAll"}]},
 ]
+# Units as people write them: SIUnit and multiplier, as IEC 61850-7-3 numbers them, if it does.
+UNITS = {
+    "MW": (38, 6),
+    "kV": (29, 3),
+    "A": (5, 0),
+    "Mvar": (63, 6),
+    "kVA": (61, 3),
+    "Hz": (33, 0),
+    "°C": (23, 0),
+    "%": (1, -2),
+    "m³/s": (45, 0),
+    "hPa": (39, 2),
+    "µS": (27, -6),
+    "mg": (3, -6),
+    "min": (85, 0),
+    "mm²": None,
+    "bar": None,
+    "furlong": None,
+}
+MEASURED = [
+    {"name": f"unit{i}", "type": ("float", "scaled")[i % 2], "ioa": 100 + i, "unit": unit}
+    for i, unit in enumerate(UNITS)
+] + [
+    {"name": "unit.counter", "type": "counter", "ioa": 200, "unit": "kWh"},
+    {"name": "unit.whole", "type": "integer", "ioa": 201, "unit": "h"},
+    {"name": "unit.part", "type": "normalized", "ioa": 202, "unit": "A", "deadband": 16384},
+    {"name": "unit.angle", "type": "angle", "ioa": 203},
+    {"name": "unit.band", "type": "float", "ioa": 204, "deadband": 0.25},
+]
+SET_POINT = {  # of a holding register of DEVICE
+    "address": 950,
+    "type": "float",
+    "ioa": 9950,
+    "name": "feeder10.limit",
+    "unit": "°C",
+    "step": 0.5,
+    "min": -10,
+    "max": 40,
+}
 TRANSFORMER = {
     "name": "transformer",
     "program": "/bin/false",
@@ -70,6 +112,7 @@ TRANSFORMER = {
         {"name": "t1.trip", "type": "single", "ioa": 5, "ln": "T1PTRC1.Str"},
         {"name": "t1.limit", "type": "float", "ioa": 6, "command": True, "ln": "T1GGIO2.AnOut17"},
         {"name": "t1.state", "type": "bitstring", "ioa": 7},
+        *MEASURED,
     ],
 }
 
@@ -133,12 +176,10 @@ def served_members(client: mms.Client, device: str, name: str) -> list[str]:
 
 def shown(octets: tuple[int, bytes]) -> str:
     """A value, as SCL writes it."""
-    models = ("status-only", "direct-with-normal-security", "sbo-with-normal-security")
-    models += ("direct-with-enhanced-security", "sbo-with-enhanced-security")
     tag, content = octets
-    if tag == 0x85:
-        return models[content[0]]
-    return "1" if tag == 0x87 else content.decode()
+    if tag in (0x85, 0x86):
+        return str(int.from_bytes(content, "big", signed=True))
+    return f"{struct.unpack('>f', content[1:])[0]:.9g}" if tag == 0x87 else content.decode()
 
 
 def check_same(client: mms.Client, file: scl.File) -> None:
@@ -186,6 +227,58 @@ def test_a_point_is_the_data_object_that_the_file_says(gateway: Gateway) -> None
             (DEVICE, "Q0XCBR1$ST$OpCnt$t"),
             (DEVICE, "Q1XSWI1$ST$SwTyp$stVal"),
         ) == [(0x85, b"\1"), (0x83, b"\0"), (0x84, invalid), (0x91, unknown), (0x85, b"\1")]
+
+
+def numbers(answers: list[tuple[int, bytes]]) -> list[float]:
+    return [float(shown(answer)) for answer in answers]
+
+
+def test_units_are_those_of_the_points(gateway: Gateway) -> None:
+    """SIUnit and multiplier of what has a unit that IEC 61850 knows; nothing of the others."""
+    with mms.Client(gateway.configuration()["iec61850"]["port"], 65000) as client:
+        names = client.names(0, TRANSFORMED)
+
+        def units(data: str) -> tuple[float, ...] | None:
+            if f"GGIO1$CF${data}$units" not in names:
+                assert not any(name.startswith(f"GGIO1$CF${data}$units") for name in names)
+                return None
+            parts = (f"GGIO1$CF${data}$units$SIUnit", f"GGIO1$CF${data}$units$multiplier")
+            return tuple(numbers(client.values(*[(TRANSFORMED, part) for part in parts])))
+
+        assert {unit: units(f"AnIn{100 + i}") for i, unit in enumerate(UNITS)} == UNITS
+        assert (units("CntVal200"), units("IntIn201")) == ((72, 3), (84, 0))
+        assert (units("AnIn202"), units("AnIn203"), units("AnIn204")) == (None, (9, 0), None)
+
+
+def test_deadbands_and_limits_are_those_of_the_points(gateway: Gateway) -> None:
+    """A deadband is all of dbRef; a set-point has what it may be set to."""
+    deadbands = [f"GGIO1$CF$AnIn{ioa}${name}" for ioa in (204, 202) for name in ("db", "dbRef")]
+    parts = ("minVal$f", "maxVal$f", "stepSize$f", "units$SIUnit")
+    with mms.Client(gateway.configuration()["iec61850"]["port"], 65000) as client:
+        answers = client.values(*[(TRANSFORMED, name) for name in deadbands])
+        assert numbers(answers) == [100_000, 0.25, 100_000, 0.5]
+        assert "GGIO1$CF$AnIn100$db" not in client.names(0, TRANSFORMED)
+        answers = client.values(*[(DEVICE, f"GGIO1$CF$AnOut9950${part}") for part in parts])
+        assert numbers(answers) == [-10, 40, 0.5, 23]
+
+
+def test_another_unit_starts_the_module_again(gateway: Gateway) -> None:
+    config = gateway.configuration()
+    changed = json.loads(json.dumps(config))
+    feeder = next(each for each in changed["port"][0]["slaves"] if each["id"] == 10)
+    feeder["holding_registers"][-1]["unit"] = "kV"
+    name = "GGIO1$CF$AnOut9950$units$multiplier"
+    for document, multiplier in ((changed, 3), (config, 0)):
+        gateway.ctl("reload", gateway.put(document))
+
+        def told(wanted: int = multiplier) -> bool:
+            try:
+                with mms.Client(config["iec61850"]["port"], 65000) as client:
+                    return numbers(client.values((DEVICE, name))) == [wanted]
+            except (OSError, AssertionError, ValueError):
+                return False  # it ends, or has not begun
+
+        gateway.wait_for(told, 20, "the point has its other unit")
 
 
 def test_rtuctl_shows_who_has_which_block(gateway: Gateway) -> None:

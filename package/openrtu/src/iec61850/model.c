@@ -180,6 +180,27 @@ enum iec61850_ctl_kind iec61850_ctl_model(const struct iec61850_model *model, ui
 	return settings->normal_security ? IEC61850_DIRECT_NORMAL : IEC61850_DIRECT_ENHANCED;
 }
 
+/* A normalized value is shown as a part of what the unit would be of, an angle in degrees. */
+struct iec61850_unit iec61850_unit_of(const struct iec61850_model *model, const struct map_point *point)
+{
+	if (point->type == MAP_ANGLE)
+		return iec61850_unit_parse("deg");
+	return model->units[point->type == MAP_NORMALIZED ? 0 : point->unit];
+}
+
+static bool has_unit(const struct iec61850_model *model, uint32_t point)
+{
+	return point != MAP_NONE && iec61850_unit_of(model, &model->config->points[point]).si != 0;
+}
+
+/* Of a set-point it is what it may be set to, of others their deadband. */
+static bool has_limits(const struct iec61850_model *model, uint32_t point, enum iec61850_cdc cdc)
+{
+	const struct map_point *of = point == MAP_NONE ? NULL : &model->config->points[point];
+
+	return of != NULL && (cdc == IEC61850_APC ? of->step > 0 : of->deadband > 0);
+}
+
 static struct iec61850_nodes nodes_of_block(const struct iec61850_block *block, enum iec61850_fc fc)
 {
 	if (fc != (block->buffered ? IEC61850_BR : IEC61850_RP))
@@ -200,9 +221,11 @@ struct iec61850_nodes iec61850_nodes_of(const struct iec61850_model *model,
 	if (block != NULL)
 		return nodes_of_block(block, fc);
 	cdc = what_of(model, &object).cdc;
-	if (fc != IEC61850_CO)
+	if (fc != IEC61850_CF && fc != IEC61850_CO)
 		return iec61850_cdc_nodes(cdc, fc);
 	point = iec61850_point_of(model, &object);
+	if (fc == IEC61850_CF)
+		return iec61850_cdc_settings(cdc, has_limits(model, point, cdc), has_unit(model, point));
 	if (point == MAP_NONE)
 		return (struct iec61850_nodes){0};
 	return iec61850_cdc_services(cdc, iec61850_ctl_model(model, point));
@@ -224,13 +247,14 @@ struct iec61850_class iec61850_class_of(const struct iec61850_model *model,
 {
 	const uint32_t point = iec61850_point_of(model, object);
 	const struct what what = what_of(model, object);
-	const struct iec61850_nodes settings = iec61850_cdc_nodes(what.cdc, IEC61850_CF);
 
-	return (struct iec61850_class){
-	    .name = iec61850_cdc_names[what.cdc],
-	    .enumeration = what.enumeration,
-	    .controllable = settings.count > 0 && settings.nodes->leaf == IEC61850_CTL_MODEL,
-	    .control = point == MAP_NONE ? IEC61850_STATUS_ONLY : iec61850_ctl_model(model, point)};
+	return (struct iec61850_class){.name = iec61850_cdc_names[what.cdc],
+				       .enumeration = what.enumeration,
+				       .controllable = iec61850_cdc_is_controllable(what.cdc),
+				       .has_limits = has_limits(model, point, what.cdc),
+				       .has_unit = has_unit(model, point),
+				       .control = point == MAP_NONE ? IEC61850_STATUS_ONLY
+								    : iec61850_ctl_model(model, point)};
 }
 
 struct iec61850_object iec61850_object_of(const struct iec61850_model *model, uint32_t point)
@@ -824,8 +848,11 @@ static uint32_t number_of_configuration(const struct iec61850_model *model)
 		const struct map_point *point = &model->config->points[model->points[i]];
 		const uint32_t words[] = {ca_of(model->config, model->points[i]), point->ioa, point->type,
 					  point->flags};
+		const struct iec61850_unit unit = iec61850_unit_of(model, point);
 
 		hash = hash_of(hash, words, sizeof(words));
+		if (unit.si != 0)
+			hash = hash_of(hash, &unit, sizeof(unit));
 		if (model->assigned[model->points[i]] != NULL)
 			hash = hash_assignment(hash, model->assigned[model->points[i]]);
 	}
@@ -865,6 +892,14 @@ static bool allocate_sets(struct iec61850_model *model)
 	       model->reasons != NULL;
 }
 
+static void read_units(struct iec61850_model *model)
+{
+	const struct map_unit *units = map_records(model->config, MAP_UNITS, sizeof(*units));
+
+	for (uint32_t i = 0; units != NULL && i < map_record_count(model->config, MAP_UNITS); i++)
+		model->units[i + 1] = iec61850_unit_parse(units[i].text);
+}
+
 bool iec61850_model_of(struct iec61850_model *model, const struct map_config *config)
 {
 	*model = (struct iec61850_model){.config = config,
@@ -885,6 +920,7 @@ bool iec61850_model_of(struct iec61850_model *model, const struct map_config *co
 		model->points[i] = i;
 	for (uint32_t i = 0; i < map_record_count(config, IEC61850_ASSIGNMENTS); i++)
 		model->assigned[iec61850_assignments(config)[i].point] = &iec61850_assignments(config)[i];
+	read_units(model);
 	qsort_r(model->points, config->point_count, sizeof(*model->points), by_address, model);
 	make_devices(model);
 	make_places(model);

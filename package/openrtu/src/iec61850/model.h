@@ -11,6 +11,7 @@
 #include "iec61850/cdc.h"
 #include "iec61850/config.h"
 #include "iec61850/kept.h"
+#include "iec61850/unit.h"
 #include "map/map.h"
 
 #define IEC61850_NAME_SIZE       65 /* an MMS identifier has 64 characters at most (IEC 61850-8-1, 7.3.1) */
@@ -135,6 +136,7 @@ struct iec61850_model {
 	uint8_t *reasons;
 	size_t reason_count;
 	struct iec61850_place *places;
+	struct iec61850_unit units[MAP_UNITS_MAX + 1]; /* by number in map_point.unit */
 	struct map_sample *image; /* of each point, as the events have it that were taken */
 	struct iec61850_buffer buffer;
 	uint32_t revision; /* of the configuration, as configRev shows it */
@@ -157,6 +159,7 @@ struct iec61850_class {
 	const char *name;                      /* its common data class */
 	enum iec61850_enumeration enumeration; /* of its stVal */
 	bool controllable;
+	bool has_limits, has_unit; /* of its point */
 	enum iec61850_ctl_kind control;
 };
 
@@ -198,6 +201,8 @@ bool iec61850_has(const struct iec61850_model *model, const struct iec61850_devi
 /* The class of a data object, which is no control block. */
 struct iec61850_class iec61850_class_of(const struct iec61850_model *model,
 					const struct iec61850_object *object);
+/* The unit in which a point's value is shown. */
+struct iec61850_unit iec61850_unit_of(const struct iec61850_model *model, const struct map_point *point);
 /* The data object of a point. */
 struct iec61850_object iec61850_object_of(const struct iec61850_model *model, uint32_t point);
 /* How a point is controlled: as the configuration has it, if anybody may. */

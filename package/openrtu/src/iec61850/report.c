@@ -42,10 +42,12 @@ static void mark_point(const struct iec61850_model *model, uint32_t point, unsig
 				     now_ns);
 }
 
-/* Why a sample is told; 0: it is not. */
-static unsigned reason_of(const struct map_sample *sample, const struct map_sample *before)
+/* Why a sample is told; 0: it is not. A counter's detail is the number of its freeze, which clients do not see. */
+static unsigned reason_of(const struct map_point *point, const struct map_sample *sample,
+			  const struct map_sample *before)
 {
-	const bool changed = sample->value.u != before->value.u || sample->detail != before->detail;
+	const bool changed = sample->value.u != before->value.u ||
+			     (point->type == MAP_STEP && sample->detail != before->detail);
 
 	return (changed ? IEC61850_DATA_CHANGE : 0) |
 	       (sample->quality != before->quality ? IEC61850_QUALITY_CHANGE : 0);
@@ -68,7 +70,7 @@ static void note(struct iec61850_server *server, uint32_t point, const struct ma
 		 unsigned otherwise, int64_t now_ns)
 {
 	const struct iec61850_model *model = &server->model;
-	const unsigned changed = reason_of(sample, &model->image[point]);
+	const unsigned changed = reason_of(&model->config->points[point], sample, &model->image[point]);
 	const unsigned reason = changed != 0 ? changed : otherwise;
 
 	model->image[point] = *sample;
