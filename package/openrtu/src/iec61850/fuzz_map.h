@@ -167,6 +167,8 @@ static struct iec61850_server *fuzz_server(void)
 	server.stats = (void *)section;
 	server.names = names;
 	server.chosen = chosen;
+	server.file = (const uint8_t *)"<SCL/>";
+	server.file_size = 6;
 	CHECK(iec61850_section_size(&fuzz_config) <= sizeof(section));
 	fuzz_changes(&server);
 	return &server;

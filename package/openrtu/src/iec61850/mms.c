@@ -25,6 +25,10 @@ enum {
 	WRITE = 0xa5,
 	ACCESS_ATTRIBUTES = 0xa6,
 	LIST_ATTRIBUTES = 0xac,
+	FILE_OPEN = 0xbf48,
+	FILE_READ = 0x9f49,
+	FILE_CLOSE = 0x9f4a,
+	FILE_DIRECTORY = 0xbf4d,
 	STATUS_RESPONSE = 0xa0,
 	IDENTIFY_RESPONSE = 0xa2,
 };
@@ -39,7 +43,7 @@ enum { OF_PDU = 0x85, UNKNOWN_PDU = 0, INVALID_PDU = 1 };
 
 /* Parameters CBB: str1, str2, vnam, vlis. Services: those of iec61850_serve, information report, conclude (18.2). */
 static const uint8_t parameters[] = {5, 0xe1, 0x00};
-static const uint8_t services[] = {3, 0xee, 0x08, 0, 0, 0, 0, 0, 0, 0, 0x01, 0x10};
+static const uint8_t services[] = {3, 0xee, 0x08, 0, 0, 0, 0, 0, 0, 0, 0xe5, 0x10};
 
 bool iec61850_initiate(const struct ber_element *request, uint32_t *max_pdu, struct ber_writer *writer)
 {
@@ -164,6 +168,18 @@ static bool carry_out(struct iec61850_server *server, const struct ber_element *
 		return true;
 	case LIST_ATTRIBUTES:
 		*error = list_attributes(server, service, writer);
+		return true;
+	case FILE_OPEN:
+		*error = iec61850_file_open(server, service, writer);
+		return true;
+	case FILE_READ:
+		*error = iec61850_file_read(server, service, writer);
+		return true;
+	case FILE_CLOSE:
+		*error = iec61850_file_close(server, service, writer);
+		return true;
+	case FILE_DIRECTORY:
+		*error = iec61850_file_directory(server, service, writer);
 		return true;
 	default:
 		return false;

@@ -471,6 +471,7 @@ static void put_ied(const struct iec61850_scl *scl)
 	line(scl, 3, "<ReadWrite/>");
 	line(scl, 3, "<ConfReportControl max=\"%u\"/>", scl->model->block_count);
 	line(scl, 3, "<GetCBValues/>");
+	line(scl, 3, "<FileHandling mms=\"true\"/>");
 	line(scl, 3,
 	     "<ReportSettings cbName=\"Fix\" datSet=\"Fix\" rptID=\"Dyn\" optFields=\"Dyn\" bufTime=\"Dyn\" "
 	     "trgOps=\"Dyn\" intgPd=\"Dyn\" resvTms=\"true\" owner=\"true\"/>");
