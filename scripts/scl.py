@@ -321,7 +321,8 @@ class Taker:
 
     def has_chosen(self, device: Device) -> bool:
         """Whether the configuration names data sets of it: all of them are written again."""
-        names = {name for each in self.config["iec61850"].get("data_sets", []) for name in each["points"]}
+        chosen = [each["points"] for each in self.config["iec61850"].get("data_sets", [])]
+        names = {member.partition("[")[0] for members in chosen for member in members}
         return any(self.points[address] in names for address in device.addresses.values())
 
     def members(self, inst: str, name: str) -> list[tuple[str, str | None]]:
@@ -355,11 +356,8 @@ class Taker:
             if name in of_goose:
                 continue
             members = self.members(inst, name)
-            if any(attribute is not None for _, attribute in members):
-                self.notes.append(
-                    f"{inst}/LLN0.{name}: members are whole data objects, with value, quality and time"
-                )
-            one: Json = {"name": name, "points": list(dict.fromkeys(point for point, _ in members))}
+            points = [point if attribute is None else f"{point}[{attribute}]" for point, attribute in members]
+            one: Json = {"name": name, "points": list(dict.fromkeys(points))}
             reports = [each for each in device.reports if each.get("datSet") == name]
             revisions = {int(each.get("confRev", "0")) for each in reports}
             if len(revisions) > 1:

@@ -59,6 +59,11 @@ CHOSEN = [
             {"name": "urcbTap", "triggers": ["gi"], "options": ["dataRef", "dataSet"]},
         ],
     },
+    {
+        "name": "Attributes",
+        "points": ["t1.limit[mxVal.f]", "t1.tap[valWTr]", "t1.tap[q]", "t1.energy[actVal]", "t1.trip"],
+        "reports": [{"name": "urcbSome", "triggers": ["gi"], "options": ["dataRef", "dataSet"]}],
+    },
     {"name": "All", "conf_rev": 7, "points": ["t1.trip", "t1.tap"], "reports": [{"name": "urcbAll"}]},
 ]
 # Units as people write them: SIUnit and multiplier, as IEC 61850-7-3 numbers them, if it does.
@@ -317,7 +322,13 @@ def test_another_ln_starts_the_module_again(gateway: Gateway) -> None:
 
 
 @pytest.mark.parametrize(
-    ("device", "block"), [(DEVICE, "urcbStatus01"), (DEVICE, "brcbMeasured02"), (TRANSFORMED, "urcbTap01")]
+    ("device", "block"),
+    [
+        (DEVICE, "urcbStatus01"),
+        (DEVICE, "brcbMeasured02"),
+        (TRANSFORMED, "urcbTap01"),
+        (TRANSFORMED, "urcbSome01"),
+    ],
 )
 def test_a_report_has_the_members_of_all_nodes(gateway: Gateway, device: str, block: str) -> None:
     """What an interrogation tells is what a Read of the same names does."""
@@ -382,6 +393,9 @@ def test_a_reservation_outlives_the_association_of_its_client(gateway: Gateway) 
         ({"points": ["t1.tap", "t1.tap"]}, "in the data set already"),
         ({"points": ["t1.lost"]}, "the name of no point"),
         ({"points": []}, "expected one at least"),
+        ({"points": ["t1.tap[stVal]"]}, 'no attribute "stVal", expected one of valWTr q t'),
+        ({"points": ["t1.tap[]x"]}, "the name of no point"),
+        ({"points": ["t1.tap[q]", "t1.tap[q]"]}, "in the data set already"),
         ({"name": "1st"}, "no name of SCL"),
         ({"name": "All"}, 'two data sets "All" of CA 7'),
         ({"reports": [{"name": "urcbAll"}]}, 'two control blocks "urcbAll"'),
@@ -391,7 +405,7 @@ def test_a_reservation_outlives_the_association_of_its_client(gateway: Gateway) 
 )
 def test_data_sets_are_checked(describe: Describe, change: dict[str, Any], said: str) -> None:
     config = site_config(102)
-    config["iec61850"]["data_sets"] = [CHOSEN[0] | change, CHOSEN[1]]
+    config["iec61850"]["data_sets"] = [CHOSEN[0] | change, CHOSEN[-1]]
     describe(config, code=1, said=said)
 
 

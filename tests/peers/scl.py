@@ -143,4 +143,5 @@ class File:
     @staticmethod
     def _member(member: Any) -> str:
         node = f"{member.get('prefix', '')}{member.get('lnClass')}{member.get('lnInst')}"
-        return f"{node}${member.get('fc')}${member.get('doName')}"
+        attribute = "".join(f"${part}" for part in member.get("daName", "").split(".") if part)
+        return f"{node}${member.get('fc')}${member.get('doName')}{attribute}"

@@ -170,6 +170,7 @@ void iec61850_association_end(struct iec61850_association *association, struct i
 	iec61850_blocks_release(server, association);
 	iec61850_controls_release(server, association);
 	iec61850_file_release(server, association);
+	iec61850_lists_release(server, association);
 }
 
 int64_t iec61850_association_idle_ns(const struct iec61850_association *association, int64_t now_ns)

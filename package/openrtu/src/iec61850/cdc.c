@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "iec61850/cdc.h"
 
+#include <string.h>
+
 #define COUNT(array) ((unsigned)(sizeof(array) / sizeof((array)[0])))
 
 static const struct iec61850_node analogue[] = {{"f", IEC61850_FLOAT, NULL, 0}};
@@ -179,4 +181,21 @@ bool iec61850_cdc_is_controllable(enum iec61850_cdc cdc)
 struct iec61850_nodes iec61850_cdc_services(enum iec61850_cdc cdc, enum iec61850_ctl_kind model)
 {
 	return services[cdc][model];
+}
+
+const struct iec61850_node *iec61850_cdc_find(struct iec61850_nodes inside, const char *path)
+{
+	const size_t size = strcspn(path, ".");
+
+	for (unsigned i = 0; i < inside.count; i++) {
+		const struct iec61850_node *node = &inside.nodes[i];
+
+		if (strlen(node->name) != size || memcmp(node->name, path, size) != 0)
+			continue;
+		return path[size] == '\0'
+			   ? node
+			   : iec61850_cdc_find((struct iec61850_nodes){node->children, node->count},
+					       path + size + 1);
+	}
+	return NULL;
 }

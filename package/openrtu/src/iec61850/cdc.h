@@ -106,6 +106,8 @@ struct iec61850_nodes iec61850_cdc_nodes(enum iec61850_cdc cdc, enum iec61850_fc
 struct iec61850_nodes iec61850_cdc_settings(enum iec61850_cdc cdc, bool limits, bool unit);
 /* Whether it has a ctlModel. */
 bool iec61850_cdc_is_controllable(enum iec61850_cdc cdc);
+/* Finds an attribute, as mag.f, inside. NULL: there is none. */
+const struct iec61850_node *iec61850_cdc_find(struct iec61850_nodes inside, const char *path);
 /* What it has under CO when it is controlled so. */
 struct iec61850_nodes iec61850_cdc_services(enum iec61850_cdc cdc, enum iec61850_ctl_kind model);
 

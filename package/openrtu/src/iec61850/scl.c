@@ -188,13 +188,31 @@ static void put_member(const struct iec61850_scl *scl, const struct iec61850_obj
 	fprintf(scl->out, " fc=\"%s\"/>\n", iec61850_fc_name(object->fc));
 }
 
+/* As daName has it: mag.f. NULL: it is all of the data object. */
+static const char *attribute_of(const struct iec61850_scl *scl, const struct iec61850_object *object,
+				char name[IEC61850_NAME_SIZE])
+{
+	char whole[IEC61850_NAME_SIZE];
+
+	if (object->node == NULL)
+		return NULL;
+	iec61850_object_name(scl->model, object, whole);
+	iec61850_variable_name(scl->model, object, name);
+	for (char *c = name; *c != '\0'; c++)
+		if (*c == '$')
+			*c = '.';
+	return name + strlen(whole) + 1;
+}
+
 static void put_set(const struct iec61850_scl *scl, const struct iec61850_set *set)
 {
+	char name[IEC61850_NAME_SIZE];
+
 	line(scl, 6, "<DataSet name=\"%s\">", set->name);
 	for (uint32_t i = 0; i < set->count; i++) {
 		const struct iec61850_object object = iec61850_member(scl->model, set, i);
 
-		put_member(scl, &object, NULL);
+		put_member(scl, &object, attribute_of(scl, &object, name));
 	}
 	line(scl, 6, "</DataSet>");
 }
@@ -468,12 +486,13 @@ static void put_ied(const struct iec61850_scl *scl)
 	line(scl, 3, "<DataObjectDirectory/>");
 	line(scl, 3, "<GetDataSetValue/>");
 	line(scl, 3, "<DataSetDirectory/>");
+	line(scl, 3, "<DynDataSet max=\"%d\" maxAttributes=\"%d\"/>", IEC61850_LISTS, IEC61850_LIST_MEMBERS);
 	line(scl, 3, "<ReadWrite/>");
 	line(scl, 3, "<ConfReportControl max=\"%u\"/>", scl->model->block_count);
 	line(scl, 3, "<GetCBValues/>");
 	line(scl, 3, "<FileHandling mms=\"true\"/>");
 	line(scl, 3,
-	     "<ReportSettings cbName=\"Fix\" datSet=\"Fix\" rptID=\"Dyn\" optFields=\"Dyn\" bufTime=\"Dyn\" "
+	     "<ReportSettings cbName=\"Fix\" datSet=\"Dyn\" rptID=\"Dyn\" optFields=\"Dyn\" bufTime=\"Dyn\" "
 	     "trgOps=\"Dyn\" intgPd=\"Dyn\" resvTms=\"true\" owner=\"true\"/>");
 	if (scl->goose_count > 0)
 		line(scl, 3, "<GOOSE max=\"%u\"/>", scl->goose_count);

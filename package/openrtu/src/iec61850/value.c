@@ -194,6 +194,17 @@ void iec61850_put_reference(struct ber_writer *writer, const struct iec61850_mod
 	ber_put_text(writer, IEC61850_TAG_VISIBLE_STRING, text);
 }
 
+void iec61850_set_reference(const struct iec61850_model *model, const struct iec61850_device *device,
+			    const struct iec61850_set *set, char out[IEC61850_REFERENCE_SIZE])
+{
+	char ld[IEC61850_NAME_SIZE], name[IEC61850_NAME_SIZE];
+
+	iec61850_device_name(model, device, ld);
+	iec61850_set_name(set, name);
+	snprintf(out, IEC61850_REFERENCE_SIZE, "%s%s%s", set->ln == NULL ? "@" : ld,
+		 set->ln == NULL ? "" : "/", name);
+}
+
 void iec61850_put_binary_time(struct ber_writer *writer, int64_t wall_ns)
 {
 	const int64_t day_ms = S_PER_DAY * MS_PER_S, first_ms = DAYS_TO_1984 * day_ms;
@@ -279,7 +290,7 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		     const struct iec61850_node *node, const struct state *state)
 {
 	const size_t end = writer->at;
-	char number[11], name[IEC61850_NAME_SIZE];
+	char number[11], reference[IEC61850_REFERENCE_SIZE];
 
 	switch (node->leaf) {
 	case IEC61850_STRUCTURE:
@@ -374,8 +385,9 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		iec61850_put_block_id(writer, model, state->object, state->block);
 		return;
 	case IEC61850_DAT_SET:
-		iec61850_set_name(iec61850_set_of(model, state->block), name);
-		iec61850_put_reference(writer, model, state->object->device, name);
+		iec61850_set_reference(model, state->object->device, iec61850_set_of(model, state->block),
+				       reference);
+		ber_put_text(writer, IEC61850_TAG_VISIBLE_STRING, reference);
 		return;
 	case IEC61850_RPT_ENA:
 		ber_put(writer, IEC61850_TAG_BOOLEAN, (const uint8_t[]){state->block->enabled}, 1);
@@ -435,6 +447,10 @@ void iec61850_put_sample(struct ber_writer *writer, const struct iec61850_model 
 	set_sample(model, &model->config->points[iec61850_point_of(model, object)], *sample, &state);
 	if (time != MAP_TIME_MONOTONIC)
 		set_former_time(sample->time_ns, time, &state);
+	if (object->node != NULL) {
+		put_node(writer, model, object->node, &state);
+		return;
+	}
 	for (unsigned i = inside.count; i-- > 0;)
 		put_node(writer, model, &inside.nodes[i], &state);
 	ber_close(writer, IEC61850_TAG_STRUCTURE, end);

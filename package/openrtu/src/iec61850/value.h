@@ -21,6 +21,9 @@ bool iec61850_put_value(struct ber_writer *writer, const struct iec61850_model *
 /* The same of a point's data object with this sample, whose time is that (enum map_event_time). */
 void iec61850_put_sample(struct ber_writer *writer, const struct iec61850_model *model,
 			 const struct iec61850_object *object, const struct map_sample *sample, uint8_t time);
+/* The reference of a data set, as DatSet has it: LD/LLN0$status, or @name of an association's own. */
+void iec61850_set_reference(const struct iec61850_model *model, const struct iec61850_device *device,
+			    const struct iec61850_set *set, char out[IEC61850_REFERENCE_SIZE]);
 void iec61850_put_bits(struct ber_writer *writer, uint16_t bits, unsigned count);
 /* Puts the reference of a variable's logical device, /, and a name in it. */
 void iec61850_put_reference(struct ber_writer *writer, const struct iec61850_model *model,

@@ -76,7 +76,7 @@ static bool same(const struct map_config *a, const struct map_config *b, uint32_
 	       same_units(a, b) &&
 	       same_records(a, b, IEC61850_ASSIGNMENTS, sizeof(struct iec61850_assignment)) &&
 	       same_records(a, b, IEC61850_DATA_SETS, sizeof(struct iec61850_data_set)) &&
-	       same_records(a, b, IEC61850_MEMBERS, sizeof(uint32_t)) &&
+	       same_records(a, b, IEC61850_MEMBERS, sizeof(struct iec61850_chosen)) &&
 	       same_records(a, b, IEC61850_REPORTS, sizeof(struct iec61850_report));
 }
 

@@ -366,7 +366,7 @@ static bool start(void)
 	server.map = map;
 	scratch = malloc(IEC61850_MESSAGE_SIZE(settings->max_pdu));
 	server.names = malloc(settings->max_pdu);
-	server.chosen = calloc(map_config(map)->point_count + 1, sizeof(*server.chosen));
+	server.chosen = calloc(server.model.longest_set, sizeof(*server.chosen));
 	for (uint32_t i = 0; i < settings->associations; i++)
 		begun = begin_connection(&connections[i], settings->max_pdu) && begun;
 	if (begun && scratch != NULL && server.names != NULL && server.chosen != NULL) {
