@@ -95,6 +95,7 @@ class Device:
 
     objects: dict[Key, dict[str, str]] = field(default_factory=dict)  # type by FC and path
     models: dict[Key, str] = field(default_factory=dict)
+    units: dict[Key, str] = field(default_factory=dict)
     texts: dict[Key, str] = field(default_factory=dict)  # d
     addresses: dict[Key, tuple[int, int]] = field(default_factory=dict)
     sets: dict[str, list[Element]] = field(default_factory=dict)
@@ -155,6 +156,11 @@ class File:
                 device.models[key] = value.text or ""
             if each.get("name") == "d" and value is not None:
                 device.texts[key] = value.text or ""
+        for each in (each for each in all_of(data, "SDI") if each.get("name") == "units"):
+            values = [(part.get("name"), one_of(part, "Val")) for part in all_of(each, "DAI")]
+            device.units[key] = " ".join(
+                sorted(f"{name}={value.text or ''}" for name, value in values if value is not None)
+            )
         address = next(data.iter(ADDRESS_104), None)
         if address is not None:
             device.addresses[key] = int(address.get("casdu", "0")), int(address.get("ioa", "0"))
@@ -289,6 +295,11 @@ class Taker:
                     self.errors.append(
                         f"{where}: {path} is {own.objects[before].get(path, 'not there')}, not {kind}"
                     )
+            if key in cid.units and cid.units[key] != own.units.get(before):
+                self.errors.append(
+                    f"{where}: is in {own.units.get(before, 'no unit')}, not in {cid.units[key]}: "
+                    'the point\'s "unit" makes it'
+                )
             if cid.models.get(key) != own.models.get(before) and key in cid.models:
                 wanted = cid.models[key]
                 self.errors.append(
@@ -310,7 +321,8 @@ class Taker:
 
     def has_chosen(self, device: Device) -> bool:
         """Whether the configuration names data sets of it: all of them are written again."""
-        names = {name for each in self.config["iec61850"].get("data_sets", []) for name in each["points"]}
+        chosen = [each["points"] for each in self.config["iec61850"].get("data_sets", [])]
+        names = {member.partition("[")[0] for members in chosen for member in members}
         return any(self.points[address] in names for address in device.addresses.values())
 
     def members(self, inst: str, name: str) -> list[tuple[str, str | None]]:
@@ -344,11 +356,8 @@ class Taker:
             if name in of_goose:
                 continue
             members = self.members(inst, name)
-            if any(attribute is not None for _, attribute in members):
-                self.notes.append(
-                    f"{inst}/LLN0.{name}: members are whole data objects, with value, quality and time"
-                )
-            one: Json = {"name": name, "points": list(dict.fromkeys(point for point, _ in members))}
+            points = [point if attribute is None else f"{point}[{attribute}]" for point, attribute in members]
+            one: Json = {"name": name, "points": list(dict.fromkeys(points))}
             reports = [each for each in device.reports if each.get("datSet") == name]
             revisions = {int(each.get("confRev", "0")) for each in reports}
             if len(revisions) > 1:

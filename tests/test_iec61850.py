@@ -163,6 +163,27 @@ def command_once(client: Client) -> None:
     assert client.termination()[0] == ["GGIO1$CO$SPCSO101$Oper"]
 
 
+def understood(record: list[Connection], folder: Path) -> list[str]:
+    """What tshark says of each recorded piece, which it understands: its protocols, what is answered."""
+    pcap, count = folder / "mms.pcap", 0
+    with pcap.open("wb") as file:
+        file.write(PCAP_HEAD)
+        for number, connection in enumerate(record):
+            sent = {True: 1, False: 1}
+            for by_station, piece in list(connection.pieces):
+                packet = packet_of(by_station, number, sent[by_station], sent[not by_station], piece)
+                file.write(record_of(packet, count))
+                sent[by_station] += len(piece)
+                count += 1
+    names = ("_ws.malformed", "_ws.expert.message", "mms.confirmedServiceResponse", "frame.protocols")
+    fields = [word for name in names for word in ("-e", name)]
+    command = ["tshark", "-r", pcap, "-d", "tcp.port==2404,tpkt", "-T", "fields", *fields]
+    lines = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
+    assert len(lines) == count
+    assert [line for line in lines if line.split("\t")[0] or line.split("\t")[1]] == []
+    return lines
+
+
 @pytest.mark.slow
 def test_tshark_understands_every_frame(site: Site, tmp_path: Path) -> None:
     browsed(site.recorder.address[1])
@@ -173,7 +194,7 @@ def test_tshark_understands_every_frame(site: Site, tmp_path: Path) -> None:
         client.values(("OpenRTUCA1010", "GGIO1$ST"), ("OpenRTUCA1010", "GGIO1$ST$None"))
         client.ask(mms.element(mms.TYPE, mms.element(0xA0, mms.name("OpenRTUCA1010", "LLN0"))))
         client.ask(mms.element(mms.TYPE, mms.element(0xA0, mms.name("OpenRTUCA1010", "XCBR1"))))
-        client.ask(bytes([0xBF, 0x48, 0]))
+        client.ask(bytes([0xBF, 0x41, 0]))
         members(client, "LLN0$status")
         enable(client, 0x7CC0, "dchg", "qchg", "gi")
         client.write(DEVICE, (f"{BLOCK}$GI", YES))
@@ -186,31 +207,7 @@ def test_tshark_understands_every_frame(site: Site, tmp_path: Path) -> None:
         client.send(mms.tpkt(mms.data(bytes([mms.CONCLUDE, 0]))))
         while client.mms()[0] == mms.REPORT:
             pass
-    pcap = tmp_path / "mms.pcap"
-    count = 0
-    with pcap.open("wb") as file:
-        file.write(PCAP_HEAD)
-        for number, connection in enumerate(site.record):
-            sent = {True: 1, False: 1}
-            for by_station, piece in list(connection.pieces):
-                packet = packet_of(by_station, number, sent[by_station], sent[not by_station], piece)
-                file.write(record_of(packet, count))
-                sent[by_station] += len(piece)
-                count += 1
-    fields = [
-        "-e",
-        "_ws.malformed",
-        "-e",
-        "_ws.expert.message",
-        "-e",
-        "mms.confirmedServiceResponse",
-        "-e",
-        "frame.protocols",
-    ]
-    command = ["tshark", "-r", pcap, "-d", "tcp.port==2404,tpkt", "-T", "fields", *fields]
-    lines = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
-    assert len(lines) == count
-    assert [line for line in lines if line.split("\t")[0] or line.split("\t")[1]] == []
+    lines = understood(site.record, tmp_path)
     assert sum("mms" in line for line in lines) > 50
 
 

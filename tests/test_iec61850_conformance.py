@@ -37,7 +37,13 @@ def port(programs: Path) -> Iterator[int]:
 
 def asked(tag: bytes) -> bytes:
     """A request of a service, with what it needs."""
+    variable = mms.element(mms.SEQUENCE, mms.element(0xA0, mms.name(DEVICE, "Q0XCBR1$ST$Pos")))
     whole = {
+        b"\xab": mms.element(mms.LIST_DEFINE, mms.name(DEVICE, "LLN0$Mine"), mms.element(0xA0, variable)),
+        b"\xad": mms.element(mms.LIST_DELETE, mms.element(0xA1, mms.name(DEVICE, "LLN0$Mine"))),
+        b"\xbf\x48": mms.file_open("OpenRTU.cid"),
+        b"\x9f\x49": mms.element(mms.FILE_READ, b"\1"),
+        b"\x9f\x4a": mms.element(mms.FILE_CLOSE, b"\1"),
         b"\xa1": mms.name_list(9),
         b"\xa4": mms.read((DEVICE, "LLN0")),
         b"\xa6": mms.element(mms.TYPE, mms.element(0xA0, mms.name(DEVICE, "LLN0"))),

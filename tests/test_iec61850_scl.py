@@ -2,6 +2,7 @@
 """`rtud --scl`: IEC's schema takes it, and it says what the server answers, by name and type."""
 
 import json
+import struct
 import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -34,6 +35,8 @@ def site_config(port: int) -> dict[str, Any]:
         if each["name"] in NODES:
             each["ln"] = NODES[each["name"]]
     config["modules"] = [TRANSFORMER]
+    feeder = next(each for each in config["port"][0]["slaves"] if each["id"] == 10)
+    feeder["holding_registers"].append(SET_POINT)
     config["iec61850"]["data_sets"] = CHOSEN
     return config
 
@@ -56,8 +59,52 @@ CHOSEN = [
             {"name": "urcbTap", "triggers": ["gi"], "options": ["dataRef", "dataSet"]},
         ],
     },
+    {
+        "name": "Attributes",
+        "points": ["t1.limit[mxVal.f]", "t1.tap[valWTr]", "t1.tap[q]", "t1.energy[actVal]", "t1.trip"],
+        "reports": [{"name": "urcbSome", "triggers": ["gi"], "options": ["dataRef", "dataSet"]}],
+    },
     {"name": "All", "conf_rev": 7, "points": ["t1.trip", "t1.tap"], "reports": [{"name": "urcbAll"}]},
 ]
+# Units as people write them: SIUnit and multiplier, as IEC 61850-7-3 numbers them, if it does.
+UNITS = {
+    "MW": (38, 6),
+    "kV": (29, 3),
+    "A": (5, 0),
+    "Mvar": (63, 6),
+    "kVA": (61, 3),
+    "Hz": (33, 0),
+    "°C": (23, 0),
+    "%": (1, -2),
+    "m³/s": (45, 0),
+    "hPa": (39, 2),
+    "µS": (27, -6),
+    "mg": (3, -6),
+    "min": (85, 0),
+    "mm²": None,
+    "bar": None,
+    "furlong": None,
+}
+MEASURED = [
+    {"name": f"unit{i}", "type": ("float", "scaled")[i % 2], "ioa": 100 + i, "unit": unit}
+    for i, unit in enumerate(UNITS)
+] + [
+    {"name": "unit.counter", "type": "counter", "ioa": 200, "unit": "kWh"},
+    {"name": "unit.whole", "type": "integer", "ioa": 201, "unit": "h"},
+    {"name": "unit.part", "type": "normalized", "ioa": 202, "unit": "A", "deadband": 16384},
+    {"name": "unit.angle", "type": "angle", "ioa": 203},
+    {"name": "unit.band", "type": "float", "ioa": 204, "deadband": 0.25},
+]
+SET_POINT = {  # of a holding register of DEVICE
+    "address": 950,
+    "type": "float",
+    "ioa": 9950,
+    "name": "feeder10.limit",
+    "unit": "°C",
+    "step": 0.5,
+    "min": -10,
+    "max": 40,
+}
 TRANSFORMER = {
     "name": "transformer",
     "program": "/bin/false",
@@ -70,6 +117,7 @@ TRANSFORMER = {
         {"name": "t1.trip", "type": "single", "ioa": 5, "ln": "T1PTRC1.Str"},
         {"name": "t1.limit", "type": "float", "ioa": 6, "command": True, "ln": "T1GGIO2.AnOut17"},
         {"name": "t1.state", "type": "bitstring", "ioa": 7},
+        *MEASURED,
     ],
 }
 
@@ -133,12 +181,10 @@ def served_members(client: mms.Client, device: str, name: str) -> list[str]:
 
 def shown(octets: tuple[int, bytes]) -> str:
     """A value, as SCL writes it."""
-    models = ("status-only", "direct-with-normal-security", "sbo-with-normal-security")
-    models += ("direct-with-enhanced-security", "sbo-with-enhanced-security")
     tag, content = octets
-    if tag == 0x85:
-        return models[content[0]]
-    return "1" if tag == 0x87 else content.decode()
+    if tag in (0x85, 0x86):
+        return str(int.from_bytes(content, "big", signed=True))
+    return f"{struct.unpack('>f', content[1:])[0]:.9g}" if tag == 0x87 else content.decode()
 
 
 def check_same(client: mms.Client, file: scl.File) -> None:
@@ -188,6 +234,58 @@ def test_a_point_is_the_data_object_that_the_file_says(gateway: Gateway) -> None
         ) == [(0x85, b"\1"), (0x83, b"\0"), (0x84, invalid), (0x91, unknown), (0x85, b"\1")]
 
 
+def numbers(answers: list[tuple[int, bytes]]) -> list[float]:
+    return [float(shown(answer)) for answer in answers]
+
+
+def test_units_are_those_of_the_points(gateway: Gateway) -> None:
+    """SIUnit and multiplier of what has a unit that IEC 61850 knows; nothing of the others."""
+    with mms.Client(gateway.configuration()["iec61850"]["port"], 65000) as client:
+        names = client.names(0, TRANSFORMED)
+
+        def units(data: str) -> tuple[float, ...] | None:
+            if f"GGIO1$CF${data}$units" not in names:
+                assert not any(name.startswith(f"GGIO1$CF${data}$units") for name in names)
+                return None
+            parts = (f"GGIO1$CF${data}$units$SIUnit", f"GGIO1$CF${data}$units$multiplier")
+            return tuple(numbers(client.values(*[(TRANSFORMED, part) for part in parts])))
+
+        assert {unit: units(f"AnIn{100 + i}") for i, unit in enumerate(UNITS)} == UNITS
+        assert (units("CntVal200"), units("IntIn201")) == ((72, 3), (84, 0))
+        assert (units("AnIn202"), units("AnIn203"), units("AnIn204")) == (None, (9, 0), None)
+
+
+def test_deadbands_and_limits_are_those_of_the_points(gateway: Gateway) -> None:
+    """A deadband is all of dbRef; a set-point has what it may be set to."""
+    deadbands = [f"GGIO1$CF$AnIn{ioa}${name}" for ioa in (204, 202) for name in ("db", "dbRef")]
+    parts = ("minVal$f", "maxVal$f", "stepSize$f", "units$SIUnit")
+    with mms.Client(gateway.configuration()["iec61850"]["port"], 65000) as client:
+        answers = client.values(*[(TRANSFORMED, name) for name in deadbands])
+        assert numbers(answers) == [100_000, 0.25, 100_000, 0.5]
+        assert "GGIO1$CF$AnIn100$db" not in client.names(0, TRANSFORMED)
+        answers = client.values(*[(DEVICE, f"GGIO1$CF$AnOut9950${part}") for part in parts])
+        assert numbers(answers) == [-10, 40, 0.5, 23]
+
+
+def test_another_unit_starts_the_module_again(gateway: Gateway) -> None:
+    config = gateway.configuration()
+    changed = json.loads(json.dumps(config))
+    feeder = next(each for each in changed["port"][0]["slaves"] if each["id"] == 10)
+    feeder["holding_registers"][-1]["unit"] = "kV"
+    name = "GGIO1$CF$AnOut9950$units$multiplier"
+    for document, multiplier in ((changed, 3), (config, 0)):
+        gateway.ctl("reload", gateway.put(document))
+
+        def told(wanted: int = multiplier) -> bool:
+            try:
+                with mms.Client(config["iec61850"]["port"], 65000) as client:
+                    return numbers(client.values((DEVICE, name))) == [wanted]
+            except (OSError, AssertionError, ValueError):
+                return False  # it ends, or has not begun
+
+        gateway.wait_for(told, 20, "the point has its other unit")
+
+
 def test_rtuctl_shows_who_has_which_block(gateway: Gateway) -> None:
     block, yes = "LLN0$RP$urcbStatus01", bytes.fromhex("8301ff")
 
@@ -224,7 +322,13 @@ def test_another_ln_starts_the_module_again(gateway: Gateway) -> None:
 
 
 @pytest.mark.parametrize(
-    ("device", "block"), [(DEVICE, "urcbStatus01"), (DEVICE, "brcbMeasured02"), (TRANSFORMED, "urcbTap01")]
+    ("device", "block"),
+    [
+        (DEVICE, "urcbStatus01"),
+        (DEVICE, "brcbMeasured02"),
+        (TRANSFORMED, "urcbTap01"),
+        (TRANSFORMED, "urcbSome01"),
+    ],
 )
 def test_a_report_has_the_members_of_all_nodes(gateway: Gateway, device: str, block: str) -> None:
     """What an interrogation tells is what a Read of the same names does."""
@@ -289,6 +393,9 @@ def test_a_reservation_outlives_the_association_of_its_client(gateway: Gateway) 
         ({"points": ["t1.tap", "t1.tap"]}, "in the data set already"),
         ({"points": ["t1.lost"]}, "the name of no point"),
         ({"points": []}, "expected one at least"),
+        ({"points": ["t1.tap[stVal]"]}, 'no attribute "stVal", expected one of valWTr q t'),
+        ({"points": ["t1.tap[]x"]}, "the name of no point"),
+        ({"points": ["t1.tap[q]", "t1.tap[q]"]}, "in the data set already"),
         ({"name": "1st"}, "no name of SCL"),
         ({"name": "All"}, 'two data sets "All" of CA 7'),
         ({"reports": [{"name": "urcbAll"}]}, 'two control blocks "urcbAll"'),
@@ -298,7 +405,7 @@ def test_a_reservation_outlives_the_association_of_its_client(gateway: Gateway) 
 )
 def test_data_sets_are_checked(describe: Describe, change: dict[str, Any], said: str) -> None:
     config = site_config(102)
-    config["iec61850"]["data_sets"] = [CHOSEN[0] | change, CHOSEN[1]]
+    config["iec61850"]["data_sets"] = [CHOSEN[0] | change, CHOSEN[-1]]
     describe(config, code=1, said=said)
 
 

@@ -9,7 +9,9 @@ from typing import Self
 
 VISIBLE_STRING, INTEGER, SEQUENCE = 0x1A, 0x02, 0x30
 NAME_LIST, READ, WRITE, TYPE, LIST_ATTRIBUTES = 0xA1, 0xA4, 0xA5, 0xA6, 0xAC
+LIST_DEFINE, LIST_DELETE = 0xAB, 0xAD
 STATUS, IDENTIFY, CONCLUDE = 0x80, 0x82, 0x8B
+FILE_OPEN, FILE_READ, FILE_CLOSE, FILE_DIRECTORY = 0xBF48, 0x9F49, 0x9F4A, 0xBF4D
 RESPONSE, ERROR, REPORT, REJECT = 0xA1, 0xA2, 0xA3, 0xA4
 DONE = (0x81, b"")  # of a Write
 CONNECT_TRANSPORT = bytes.fromhex("0300001611e00000000100c0010dc2020001c1020001")
@@ -20,7 +22,7 @@ def element(tag: int, *parts: bytes) -> bytes:
     content = b"".join(parts)
     size = len(content)
     length = bytes([size]) if size < 128 else bytes([0x82]) + size.to_bytes(2, "big")
-    return bytes([tag]) + length + content
+    return tag.to_bytes(1 + (tag > 0xFF), "big") + length + content
 
 
 def elements(octets: bytes) -> list[tuple[int, bytes]]:
@@ -112,6 +114,14 @@ def request(number: int, *service: bytes) -> bytes:
 def read(*variables: tuple[str, str]) -> bytes:
     listed = [element(SEQUENCE, element(0xA0, name(*variable))) for variable in variables]
     return element(READ, element(0xA1, element(0xA0, *listed)))
+
+
+def file_name(*parts: str) -> bytes:
+    return element(0xA0, *[element(0x19, part.encode()) for part in parts])
+
+
+def file_open(name: str, position: int = 0) -> bytes:
+    return element(FILE_OPEN, file_name(name), element(0x81, position.to_bytes(5, "big")))
 
 
 def name_list(class_: int, domain: str | None = None, after: str | None = None) -> bytes:

@@ -18,6 +18,7 @@ BASIC = {  # tag of MMS, and its size; below 0: at most
     "INT32": (0x85, 32),
     "INT64": (0x85, 64),
     "INT8U": (0x86, 8),
+    "INT32U": (0x86, 32),
     "FLOAT32": (0xA7, None),
     "Quality": (0x84, -13),
     "Check": (0x84, -2),
@@ -50,7 +51,7 @@ class Device:
     names: set[str] = field(default_factory=set)
     types: dict[str, Any] = field(default_factory=dict)  # of LN$FC$DO
     sets: dict[str, list[str]] = field(default_factory=dict)
-    values: dict[str, str] = field(default_factory=dict)
+    values: dict[str, str] = field(default_factory=dict)  # of an enumeration: the number
     revisions: dict[str, int] = field(default_factory=dict)  # of control blocks
 
 
@@ -76,6 +77,25 @@ class File:
             return self._parts(self.types[attribute.get("type")])
         return BASIC[attribute.get("bType")]
 
+    def _value(self, attribute: Any, text: str) -> str:
+        if attribute.get("bType") != "Enum":
+            return text
+        numbers = {each.text or "": each.get("ord") for each in self.types[attribute.get("type")]}
+        return numbers[text]
+
+    def _instance(self, device: Device, node: str, of: str, kind: str, element: Any) -> None:
+        """Values of a data object, or of a structure in it."""
+        attributes = {each.get("name"): each for each in self.types[kind]}
+        for part in (each for each in element if each.tag.endswith(("DAI", "SDI"))):
+            attribute = attributes[part.get("name")]
+            fc = attribute.get("fc")  # of a structure's parts: none
+            name = f"{node}${fc}${of}${part.get('name')}" if fc else f"{of}${part.get('name')}"
+            value = part.find("Val", NS)
+            if value is not None:
+                device.values[name] = self._value(attribute, value.text or "")
+            elif part.tag.endswith("SDI"):
+                self._instance(device, node, name, attribute.get("type"), part)
+
     def _add(self, device: Device, name: str, kind: Any) -> None:
         device.names.add(name)
         if isinstance(kind, list):
@@ -91,15 +111,15 @@ class File:
                 by_fc.setdefault(fc, []).append((attribute.get("name"), self._type(attribute)))
                 value = attribute.find("Val", NS)
                 if value is not None:
-                    device.values[f"{node}${fc}${each.get('name')}${attribute.get('name')}"] = value.text
+                    name = f"{node}${fc}${each.get('name')}${attribute.get('name')}"
+                    device.values[name] = self._value(attribute, value.text)
             for fc, parts in by_fc.items():
                 device.names.add(f"{node}${fc}")
                 self._add(device, f"{node}${fc}${each.get('name')}", parts)
                 device.types[f"{node}${fc}${each.get('name')}"] = parts
-        for value in ln.iterfind("DOI/DAI/Val", NS):
-            attribute = value.getparent()
-            of = attribute.getparent().get("name")
-            device.values[f"{node}$DC${of}${attribute.get('name')}"] = value.text or ""
+        kinds = {each.get("name"): each.get("type") for each in self.types[ln.get("lnType")]}
+        for each in ln.iterfind("DOI", NS):
+            self._instance(device, node, each.get("name"), kinds[each.get("name")], each)
 
     def _device(self, element: Any) -> Device:
         device = Device()
@@ -123,4 +143,5 @@ class File:
     @staticmethod
     def _member(member: Any) -> str:
         node = f"{member.get('prefix', '')}{member.get('lnClass')}{member.get('lnInst')}"
-        return f"{node}${member.get('fc')}${member.get('doName')}"
+        attribute = "".join(f"${part}" for part in member.get("daName", "").split(".") if part)
+        return f"{node}${member.get('fc')}${member.get('doName')}{attribute}"

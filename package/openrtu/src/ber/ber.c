@@ -106,30 +106,33 @@ void ber_put_octets(struct ber_writer *writer, const void *octets, size_t size)
 		memcpy(writer->octets + writer->at, octets, size);
 }
 
-static void put_header(struct ber_writer *writer, uint8_t tag, size_t size)
+static void put_header(struct ber_writer *writer, uint32_t tag, size_t size)
 {
-	uint8_t header[2 + LENGTH_OCTETS_MAX] = {tag};
-	size_t count = 0;
+	uint8_t header[3 + LENGTH_OCTETS_MAX];
+	size_t at = 0, count = 0;
 
+	if (tag > UINT8_MAX) /* a number above 30 */
+		header[at++] = (uint8_t)(tag >> 8);
+	header[at++] = (uint8_t)tag;
 	if (size < 0x80) {
-		header[1] = (uint8_t)size;
+		header[at++] = (uint8_t)size;
 	} else {
 		while (size >> 8 * count != 0)
 			count++;
-		header[1] = (uint8_t)(0x80 | count);
+		header[at++] = (uint8_t)(0x80 | count);
 		for (size_t i = 0; i < count && i < LENGTH_OCTETS_MAX; i++)
-			header[2 + i] = (uint8_t)(size >> 8 * (count - 1 - i));
+			header[at++] = (uint8_t)(size >> 8 * (count - 1 - i));
 	}
-	ber_put_octets(writer, header, 2 + count);
+	ber_put_octets(writer, header, at);
 }
 
-void ber_put(struct ber_writer *writer, uint8_t tag, const void *octets, size_t size)
+void ber_put(struct ber_writer *writer, uint32_t tag, const void *octets, size_t size)
 {
 	ber_put_octets(writer, octets, size);
 	put_header(writer, tag, size);
 }
 
-void ber_put_integer(struct ber_writer *writer, uint8_t tag, int64_t value)
+void ber_put_integer(struct ber_writer *writer, uint32_t tag, int64_t value)
 {
 	uint8_t octets[8];
 	size_t first = 0;
@@ -142,12 +145,12 @@ void ber_put_integer(struct ber_writer *writer, uint8_t tag, int64_t value)
 	ber_put(writer, tag, octets + first, 8 - first);
 }
 
-void ber_put_text(struct ber_writer *writer, uint8_t tag, const char *text)
+void ber_put_text(struct ber_writer *writer, uint32_t tag, const char *text)
 {
 	ber_put(writer, tag, text, strlen(text));
 }
 
-void ber_close(struct ber_writer *writer, uint8_t tag, size_t end)
+void ber_close(struct ber_writer *writer, uint32_t tag, size_t end)
 {
 	put_header(writer, tag, end - writer->at);
 }

@@ -55,11 +55,11 @@ struct ber_writer {
 };
 
 void ber_put_octets(struct ber_writer *writer, const void *octets, size_t size);
-void ber_put(struct ber_writer *writer, uint8_t tag, const void *octets, size_t size);
+void ber_put(struct ber_writer *writer, uint32_t tag, const void *octets, size_t size);
 /* In as few octets as an INTEGER needs. */
-void ber_put_integer(struct ber_writer *writer, uint8_t tag, int64_t value);
-void ber_put_text(struct ber_writer *writer, uint8_t tag, const char *text);
+void ber_put_integer(struct ber_writer *writer, uint32_t tag, int64_t value);
+void ber_put_text(struct ber_writer *writer, uint32_t tag, const char *text);
 /* Puts a tag and a length around all that was written since writer->at was end. */
-void ber_close(struct ber_writer *writer, uint8_t tag, size_t end);
+void ber_close(struct ber_writer *writer, uint32_t tag, size_t end);
 
 #endif

@@ -165,6 +165,14 @@ void iec61850_association_written(struct iec61850_association *association, size
 	association->moved_ns = now_ns;
 }
 
+void iec61850_association_end(struct iec61850_association *association, struct iec61850_server *server)
+{
+	iec61850_blocks_release(server, association);
+	iec61850_controls_release(server, association);
+	iec61850_file_release(server, association);
+	iec61850_lists_release(server, association);
+}
+
 int64_t iec61850_association_idle_ns(const struct iec61850_association *association, int64_t now_ns)
 {
 	const int64_t idle_ns = now_ns - association->heard_ns;

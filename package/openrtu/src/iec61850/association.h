@@ -39,6 +39,8 @@ enum iec61850_end iec61850_association_run(struct iec61850_association *associat
 					   struct iec61850_server *server, uint8_t *scratch, int64_t now_ns);
 /* The output has gone so far. */
 void iec61850_association_written(struct iec61850_association *association, size_t size, int64_t now_ns);
+/* The client is gone: what it had is others' again. */
+void iec61850_association_end(struct iec61850_association *association, struct iec61850_server *server);
 /* How long nothing was asked; of one that may give way to another. 0: it may not yet. */
 int64_t iec61850_association_idle_ns(const struct iec61850_association *association, int64_t now_ns);
 

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "iec61850/cdc.h"
 
+#include <string.h>
+
 #define COUNT(array) ((unsigned)(sizeof(array) / sizeof((array)[0])))
 
 static const struct iec61850_node analogue[] = {{"f", IEC61850_FLOAT, NULL, 0}};
@@ -32,8 +34,28 @@ static const struct iec61850_node tap[] = {{"valWTr", IEC61850_STRUCTURE, step, 
 					   {"t", IEC61850_TIME, NULL, 0}};
 static const struct iec61850_node bcr[] = {
     {"actVal", IEC61850_TOTAL, NULL, 0}, {"q", IEC61850_QUALITY, NULL, 0}, {"t", IEC61850_TIME, NULL, 0}};
+static const struct iec61850_node unit[] = {{"SIUnit", IEC61850_SI_UNIT, NULL, 0},
+					    {"multiplier", IEC61850_MULTIPLIER, NULL, 0}};
+static const struct iec61850_node least[] = {{"f", IEC61850_LEAST, NULL, 0}};
+static const struct iec61850_node most[] = {{"f", IEC61850_MOST, NULL, 0}};
+static const struct iec61850_node step_size[] = {{"f", IEC61850_STEP_SIZE, NULL, 0}};
 static const struct iec61850_node described[] = {{"d", IEC61850_DESCRIPTION, NULL, 0}};
+
+/* Under CF: what comes with limits, what is always there, what comes with a unit. */
+#define UNITS                                                                                                \
+	{                                                                                                    \
+		"units", IEC61850_STRUCTURE, unit, COUNT(unit)                                               \
+	}
 static const struct iec61850_node controlled[] = {{"ctlModel", IEC61850_CTL_MODEL, NULL, 0}};
+static const struct iec61850_node counted[] = {{"ctlModel", IEC61850_CTL_MODEL, NULL, 0}, UNITS};
+static const struct iec61850_node measured[] = {
+    {"db", IEC61850_DEADBAND, NULL, 0}, {"dbRef", IEC61850_DEADBAND_REF, NULL, 0}, UNITS};
+static const struct iec61850_node settable[] = {{"minVal", IEC61850_STRUCTURE, least, COUNT(least)},
+						{"maxVal", IEC61850_STRUCTURE, most, COUNT(most)},
+						{"stepSize", IEC61850_STRUCTURE, step_size, COUNT(step_size)},
+						{"ctlModel", IEC61850_CTL_MODEL, NULL, 0},
+						UNITS};
+static const struct iec61850_node whole[] = {UNITS};
 
 static const struct iec61850_node stepped[] = {{"ctlModel", IEC61850_CTL_MODEL, NULL, 0},
 					       {"persistent", IEC61850_PERSISTENT, NULL, 0}};
@@ -73,7 +95,7 @@ static const struct iec61850_node origin[] = {{"orCat", IEC61850_ENUM, NULL, 0},
 CONTROLS(binary, "ctlVal", IEC61850_BOOLEAN, NULL, 0);
 CONTROLS(integer, "ctlVal", IEC61850_INTEGER, NULL, 0);
 CONTROLS(set_point, "ctlVal", IEC61850_STRUCTURE, analogue, COUNT(analogue));
-static const struct iec61850_node pulses[] = {{"pulsQty", IEC61850_UNIT, NULL, 0}};
+static const struct iec61850_node pulses[] = {{"pulsQty", IEC61850_UNIT, NULL, 0}, UNITS};
 static const struct iec61850_node plate[] = {{"vendor", IEC61850_VENDOR, NULL, 0},
 					     {"swRev", IEC61850_REVISION, NULL, 0},
 					     {"d", IEC61850_DESCRIPTION, NULL, 0},
@@ -90,26 +112,31 @@ static const struct iec61850_nodes classes[IEC61850_CDCS][IEC61850_FCS] = {
     [IEC61850_DPS] = {[IEC61850_ST] = NODES(dps), [IEC61850_DC] = NODES(described)},
     [IEC61850_ACT] = {[IEC61850_ST] = NODES(act), [IEC61850_DC] = NODES(described)},
     [IEC61850_ACD] = {[IEC61850_ST] = NODES(acd), [IEC61850_DC] = NODES(described)},
-    [IEC61850_BSC] =
-	{[IEC61850_ST] = NODES(tap), [IEC61850_CF] = NODES(stepped), [IEC61850_DC] = NODES(described)},
-    [IEC61850_ISC] =
-	{[IEC61850_ST] = NODES(tap), [IEC61850_CF] = NODES(controlled), [IEC61850_DC] = NODES(described)},
+    [IEC61850_BSC] = {[IEC61850_ST] = NODES(tap), [IEC61850_DC] = NODES(described)},
+    [IEC61850_ISC] = {[IEC61850_ST] = NODES(tap), [IEC61850_DC] = NODES(described)},
     [IEC61850_INS] = {[IEC61850_ST] = NODES(ins), [IEC61850_DC] = NODES(described)},
     [IEC61850_ENS] = {[IEC61850_ST] = NODES(ens)},
-    [IEC61850_ENC] = {[IEC61850_ST] = NODES(ens), [IEC61850_CF] = NODES(controlled)},
+    [IEC61850_ENC] = {[IEC61850_ST] = NODES(ens)},
     [IEC61850_MV] = {[IEC61850_MX] = NODES(mv), [IEC61850_DC] = NODES(described)},
-    [IEC61850_BCR] =
-	{[IEC61850_ST] = NODES(bcr), [IEC61850_CF] = NODES(pulses), [IEC61850_DC] = NODES(described)},
-    [IEC61850_SPC] =
-	{[IEC61850_ST] = NODES(sps), [IEC61850_CF] = NODES(controlled), [IEC61850_DC] = NODES(described)},
-    [IEC61850_DPC] =
-	{[IEC61850_ST] = NODES(dps), [IEC61850_CF] = NODES(controlled), [IEC61850_DC] = NODES(described)},
-    [IEC61850_INC] =
-	{[IEC61850_ST] = NODES(ins), [IEC61850_CF] = NODES(controlled), [IEC61850_DC] = NODES(described)},
-    [IEC61850_APC] =
-	{[IEC61850_MX] = NODES(apc), [IEC61850_CF] = NODES(controlled), [IEC61850_DC] = NODES(described)},
+    [IEC61850_BCR] = {[IEC61850_ST] = NODES(bcr), [IEC61850_DC] = NODES(described)},
+    [IEC61850_SPC] = {[IEC61850_ST] = NODES(sps), [IEC61850_DC] = NODES(described)},
+    [IEC61850_DPC] = {[IEC61850_ST] = NODES(dps), [IEC61850_DC] = NODES(described)},
+    [IEC61850_INC] = {[IEC61850_ST] = NODES(ins), [IEC61850_DC] = NODES(described)},
+    [IEC61850_APC] = {[IEC61850_MX] = NODES(apc), [IEC61850_DC] = NODES(described)},
     [IEC61850_LPL] = {[IEC61850_DC] = NODES(plate), [IEC61850_EX] = NODES(name_space)},
     [IEC61850_DPL] = {[IEC61850_DC] = NODES(physical_plate)},
+};
+
+/* What is there under CF: all of nodes, but the first ones without limits, and the last one without a unit. */
+static const struct {
+	struct iec61850_nodes nodes;
+	unsigned limits, units;
+} settings[IEC61850_CDCS] = {
+    [IEC61850_INS] = {NODES(whole), 0, 1},      [IEC61850_ENC] = {NODES(controlled), 0, 0},
+    [IEC61850_BCR] = {NODES(pulses), 0, 1},     [IEC61850_MV] = {NODES(measured), 2, 1},
+    [IEC61850_SPC] = {NODES(controlled), 0, 0}, [IEC61850_DPC] = {NODES(controlled), 0, 0},
+    [IEC61850_INC] = {NODES(counted), 0, 1},    [IEC61850_BSC] = {NODES(stepped), 0, 0},
+    [IEC61850_ISC] = {NODES(controlled), 0, 0}, [IEC61850_APC] = {NODES(settable), 3, 1},
 };
 
 #define MODELS(value)                                                                                        \
@@ -130,7 +157,45 @@ struct iec61850_nodes iec61850_cdc_nodes(enum iec61850_cdc cdc, enum iec61850_fc
 	return classes[cdc][fc];
 }
 
+struct iec61850_nodes iec61850_cdc_settings(enum iec61850_cdc cdc, bool limits, bool has_unit)
+{
+	const struct iec61850_nodes all = settings[cdc].nodes;
+	const unsigned before = limits ? 0 : settings[cdc].limits,
+		       behind = has_unit ? 0 : settings[cdc].units;
+
+	if (all.count == before + behind)
+		return (struct iec61850_nodes){0};
+	return (struct iec61850_nodes){all.nodes + before, all.count - before - behind};
+}
+
+bool iec61850_cdc_is_controllable(enum iec61850_cdc cdc)
+{
+	const struct iec61850_nodes all = settings[cdc].nodes;
+
+	for (unsigned i = 0; i < all.count; i++)
+		if (all.nodes[i].leaf == IEC61850_CTL_MODEL)
+			return true;
+	return false;
+}
+
 struct iec61850_nodes iec61850_cdc_services(enum iec61850_cdc cdc, enum iec61850_ctl_kind model)
 {
 	return services[cdc][model];
+}
+
+const struct iec61850_node *iec61850_cdc_find(struct iec61850_nodes inside, const char *path)
+{
+	const size_t size = strcspn(path, ".");
+
+	for (unsigned i = 0; i < inside.count; i++) {
+		const struct iec61850_node *node = &inside.nodes[i];
+
+		if (strlen(node->name) != size || memcmp(node->name, path, size) != 0)
+			continue;
+		return path[size] == '\0'
+			   ? node
+			   : iec61850_cdc_find((struct iec61850_nodes){node->children, node->count},
+					       path + size + 1);
+	}
+	return NULL;
 }

@@ -42,7 +42,14 @@ enum iec61850_leaf {
 	IEC61850_DIRECTION,  /* of a fault: not known */
 	IEC61850_PERSISTENT, /* whether a command goes on until it is ended: false */
 	IEC61850_UNIT,       /* of a counter's pulse: 1 */
-	IEC61850_CTL_MODEL,  /* how it is controlled */
+	IEC61850_SI_UNIT,    /* of a value */
+	IEC61850_MULTIPLIER,
+	IEC61850_DEADBAND,     /* all of the next one: 100 % of it, in thousandths */
+	IEC61850_DEADBAND_REF, /* real: the point's deadband */
+	IEC61850_LEAST,        /* real, this and the next two: what it may be set to */
+	IEC61850_MOST,
+	IEC61850_STEP_SIZE,
+	IEC61850_CTL_MODEL, /* how it is controlled */
 	IEC61850_QUALITY,
 	IEC61850_TIME,
 	IEC61850_DESCRIPTION,
@@ -93,8 +100,14 @@ struct iec61850_nodes {
 	unsigned count;
 };
 
-/* What data of a class has under a functional constraint but CO; nothing: count 0. */
+/* What data of a class has under a functional constraint but CF and CO; nothing: count 0. */
 struct iec61850_nodes iec61850_cdc_nodes(enum iec61850_cdc cdc, enum iec61850_fc fc);
+/* What it has under CF, if its point has limits (of a set-point; else a deadband), and a unit. */
+struct iec61850_nodes iec61850_cdc_settings(enum iec61850_cdc cdc, bool limits, bool unit);
+/* Whether it has a ctlModel. */
+bool iec61850_cdc_is_controllable(enum iec61850_cdc cdc);
+/* Finds an attribute, as mag.f, inside. NULL: there is none. */
+const struct iec61850_node *iec61850_cdc_find(struct iec61850_nodes inside, const char *path);
 /* What it has under CO when it is controlled so. */
 struct iec61850_nodes iec61850_cdc_services(enum iec61850_cdc cdc, enum iec61850_ctl_kind model);
 

@@ -9,7 +9,7 @@
 #define IEC61850_SETTINGS    MAP_SECTION_ID('6', '8', '5', '0')
 #define IEC61850_ASSIGNMENTS MAP_SECTION_ID('6', '8', 'L', 'N')
 #define IEC61850_DATA_SETS   MAP_SECTION_ID('6', '8', 'D', 'S')
-#define IEC61850_MEMBERS     MAP_SECTION_ID('6', '8', 'D', 'M') /* uint32_t: points of the data sets */
+#define IEC61850_MEMBERS     MAP_SECTION_ID('6', '8', 'D', 'M')
 #define IEC61850_REPORTS     MAP_SECTION_ID('6', '8', 'R', 'C')
 
 #define IEC61850_ASSOCIATIONS_MAX 16
@@ -45,6 +45,14 @@ struct iec61850_data_set {
 	char name[IEC61850_SET_SIZE];
 	uint32_t first_member, member_count;
 	uint32_t conf_rev; /* 0: of its members */
+};
+
+#define IEC61850_ATTRIBUTE_SIZE 20 /* of valWTr.transInd, the longest */
+
+/* A member of a data set. */
+struct iec61850_chosen {
+	uint32_t point;
+	char attribute[IEC61850_ATTRIBUTE_SIZE]; /* as mag.f; empty: all */
 };
 
 /* Report control blocks of a data set that are the same but for their index, and what they are set to at first. */
@@ -85,9 +93,9 @@ static inline struct iec61850_report *iec61850_reports(const struct map_config *
 	return map_records(config, IEC61850_REPORTS, sizeof(struct iec61850_report));
 }
 
-static inline uint32_t *iec61850_members(const struct map_config *config)
+static inline struct iec61850_chosen *iec61850_members(const struct map_config *config)
 {
-	return map_records(config, IEC61850_MEMBERS, sizeof(uint32_t));
+	return map_records(config, IEC61850_MEMBERS, sizeof(struct iec61850_chosen));
 }
 
 /* NULL: IEC 61850 is not configured. */

@@ -145,14 +145,61 @@ static void read_report(struct config_loader *loader, const struct config_place 
 		    "\"buffered\"");
 }
 
-static bool has_member(const struct growing *members, const struct iec61850_data_set *set, uint32_t point)
+static bool has_member(const struct growing *members, const struct iec61850_data_set *set,
+		       const struct iec61850_chosen *member)
 {
-	const uint32_t *points = members->records;
+	const struct iec61850_chosen *there = members->records;
 
 	for (uint32_t i = set->first_member; i < members->count; i++)
-		if (points[i] == point)
+		if (there[i].point == member->point && strcmp(there[i].attribute, member->attribute) == 0)
 			return true;
 	return false;
+}
+
+/* What a point has under ST or MX. */
+static struct iec61850_nodes inside_of(const struct map_config *config, uint32_t point)
+{
+	struct iec61850_data data = iec61850_default_data(&config->points[point]);
+	struct iec61850_nodes measured;
+
+	for (uint32_t i = 0; i < map_record_count(config, IEC61850_ASSIGNMENTS); i++) {
+		const struct iec61850_assignment *assigned = &iec61850_assignments(config)[i];
+
+		if (assigned->point == point)
+			data = iec61850_ln_classes[assigned->class].data[assigned->data];
+	}
+	measured = iec61850_cdc_nodes((enum iec61850_cdc)data.cdc, IEC61850_MX);
+	return measured.count > 0 ? measured : iec61850_cdc_nodes((enum iec61850_cdc)data.cdc, IEC61850_ST);
+}
+
+/* q0.position, or q0.position[stVal]: no name of a point has brackets. */
+static void split(const char *text, char point[MAP_NAME_SIZE], char attribute[MAP_NAME_SIZE])
+{
+	const size_t size = strcspn(text, "[");
+	const char *end = strchr(text + size, ']');
+
+	snprintf(point, MAP_NAME_SIZE, "%.*s", (int)size, text);
+	attribute[0] = '\0';
+	if (text[size] == '[' && end != NULL && end[1] == '\0')
+		snprintf(attribute, MAP_NAME_SIZE, "%.*s", (int)(end - text - (ptrdiff_t)size - 1),
+			 text + size + 1);
+	else if (text[size] == '[')
+		point[0] = '\0'; /* it is none */
+}
+
+static void check_attribute(struct config_loader *loader, const struct config_place *place, uint32_t point,
+			    const char *attribute)
+{
+	const struct iec61850_nodes inside = inside_of(loader->config, point);
+	char known[160] = "";
+
+	if (attribute[0] == '\0' || iec61850_cdc_find(inside, attribute) != NULL)
+		return;
+	for (unsigned i = 0; i < inside.count; i++)
+		snprintf(known + strlen(known), sizeof(known) - strlen(known), " %s", inside.nodes[i].name);
+	config_error(&loader->report, place,
+		     "has no attribute \"%s\", expected one of%s, or a part of it as mag.f", attribute,
+		     known);
 }
 
 static void read_member(struct config_loader *loader, const struct config_place *place, const json_t *json,
@@ -161,27 +208,33 @@ static void read_member(struct config_loader *loader, const struct config_place 
 	const struct map_config *config = loader->config;
 	const struct iec61850_data_set *set =
 	    (struct iec61850_data_set *)chosen->sets.records + chosen->sets.count - 1;
-	const char *name = json_string_value(json);
-	const uint32_t point = name == NULL ? MAP_NONE : config_index_name(&loader->index, config, name);
-	const uint32_t *points = chosen->members.records;
-	uint32_t *member;
+	const struct iec61850_chosen *members = chosen->members.records;
+	char name[MAP_NAME_SIZE], attribute[MAP_NAME_SIZE];
+	struct iec61850_chosen member = {.point = MAP_NONE}, *kept;
 
-	if (point == MAP_NONE) {
+	if (json_is_string(json)) {
+		split(json_string_value(json), name, attribute);
+		member.point = config_index_name(&loader->index, config, name);
+	}
+	if (member.point == MAP_NONE) {
 		config_error(&loader->report, place, "is the name of no point");
 		return;
 	}
 	if (chosen->members.count > set->first_member &&
-	    config->sets[config->points[point].set].ca !=
-		config->sets[config->points[points[set->first_member]].set].ca)
+	    config->sets[config->points[member.point].set].ca !=
+		config->sets[config->points[members[set->first_member].point].set].ca)
 		config_error(&loader->report, place,
 			     "\"%s\" is of another common address than the first point: a data set is of one "
 			     "logical device",
 			     name);
-	if (has_member(&chosen->members, set, point))
-		config_error(&loader->report, place, "\"%s\" is in the data set already", name);
-	member = grow(loader, &chosen->members);
-	if (member != NULL)
-		*member = point;
+	check_attribute(loader, place, member.point, attribute);
+	snprintf(member.attribute, sizeof(member.attribute), "%.*s", IEC61850_ATTRIBUTE_SIZE - 1, attribute);
+	if (has_member(&chosen->members, set, &member))
+		config_error(&loader->report, place, "\"%s\" is in the data set already",
+			     json_string_value(json));
+	kept = grow(loader, &chosen->members);
+	if (kept != NULL)
+		*kept = member;
 }
 
 static void read_set(struct config_loader *loader, const struct config_place *place, const json_t *json,
@@ -223,9 +276,9 @@ static void read_set(struct config_loader *loader, const struct config_place *pl
 static uint16_t ca_of(const struct map_config *config, const struct chosen *chosen,
 		      const struct iec61850_data_set *set)
 {
-	const uint32_t *members = chosen->members.records;
+	const struct iec61850_chosen *members = chosen->members.records;
 
-	return config->sets[config->points[members[set->first_member]].set].ca;
+	return config->sets[config->points[members[set->first_member].point].set].ca;
 }
 
 static void check_twice(struct config_loader *loader, const struct config_place *place,
@@ -296,7 +349,7 @@ static void keep(struct map_config *config, uint32_t id, const struct growing *g
 bool iec61850_take_sets(struct config_loader *loader, const struct config_place *place, const json_t *array)
 {
 	struct chosen chosen = {.sets = {.size = sizeof(struct iec61850_data_set)},
-				.members = {.size = sizeof(uint32_t)},
+				.members = {.size = sizeof(struct iec61850_chosen)},
 				.reports = {.size = sizeof(struct iec61850_report)}};
 	const unsigned errors = loader->report.errors;
 

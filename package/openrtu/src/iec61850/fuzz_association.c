@@ -5,7 +5,6 @@
  */
 #include "fuzz_input.h"
 #include "iec61850/association.h"
-#include "iec61850/control.h"
 #include "iec61850/fuzz_map.h"
 
 static struct iec61850_association association;
@@ -51,7 +50,7 @@ static void open_association(void)
 							    .output = output,
 							    .message_size = sizeof(message),
 							    .output_size = sizeof(output)};
-	iec61850_controls_release(fuzz_server(), &association);
+	iec61850_association_end(&association, fuzz_server());
 	iec61850_association_open(&association, FUZZ_MAX_PDU, 0);
 	association.may_control = true;
 	association.transport.connected = true;

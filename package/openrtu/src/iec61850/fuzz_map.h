@@ -25,7 +25,9 @@ static struct iec61850_assignment fuzz_assignments[] = {{.point = MAP_TYPES + MA
 							{.point = MAP_TYPES + MAP_FLOAT, .ln = "MMXU1"}};
 /* The first device's data set and control blocks are chosen, the second's are as they are without. */
 static struct iec61850_data_set fuzz_data_sets[] = {{.name = "Bay", .member_count = 3}};
-static uint32_t fuzz_members[] = {MAP_FLOAT, MAP_SINGLE, MAP_DOUBLE};
+static struct iec61850_chosen fuzz_members[] = {{.point = MAP_FLOAT},
+						{.point = MAP_SINGLE, .attribute = "stVal"},
+						{.point = MAP_SINGLE, .attribute = "q"}};
 static struct iec61850_report fuzz_reports[] = {
     {.name = "brcbBay", .buffered = true, .instances = 2, .triggers = IEC61850_DATA_UPDATE},
     {.name = "urcbBay", .instances = 1}};
@@ -149,7 +151,7 @@ static struct iec61850_server *fuzz_server(void)
 	static struct iec61850_server server;
 	static _Alignas(8) uint8_t section[1 << 18];
 	static uint8_t names[FUZZ_MAX_PDU];
-	static uint32_t chosen[FUZZ_POINTS];
+	static uint32_t chosen[IEC61850_LIST_MEMBERS];
 
 	if (server.stats != NULL)
 		return &server;
@@ -167,6 +169,8 @@ static struct iec61850_server *fuzz_server(void)
 	server.stats = (void *)section;
 	server.names = names;
 	server.chosen = chosen;
+	server.file = (const uint8_t *)"<SCL/>";
+	server.file_size = 6;
 	CHECK(iec61850_section_size(&fuzz_config) <= sizeof(section));
 	fuzz_changes(&server);
 	return &server;

@@ -35,6 +35,8 @@ static void end_commands(struct iec61850_server *server, uint8_t how)
 	}
 	iec61850_blocks_release(server, server->client);
 	iec61850_controls_release(server, server->client);
+	iec61850_file_release(server, server->client);
+	iec61850_lists_release(server, server->client);
 	memset(server->controls, 0, sizeof(server->controls));
 }
 

@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "iec61850/ln_class.h"
 
-#include "map/config.h"
-
 const char *const iec61850_cdc_names[IEC61850_CDCS] = {"SPS", "DPS", "INS", "ENS", "ENC", "ACT",
 						       "ACD", "BCR", "MV",  "SPC", "DPC", "INC",
 						       "BSC", "ISC", "APC", "LPL", "DPL"};
@@ -177,6 +175,33 @@ const size_t iec61850_ln_class_count = COUNT(iec61850_ln_classes);
 #define TYPE(type) (1u << (type))
 #define WHOLE      (TYPE(MAP_STEP) | TYPE(MAP_BITSTRING) | TYPE(MAP_INTEGER))
 #define REAL       (TYPE(MAP_NORMALIZED) | TYPE(MAP_SCALED) | TYPE(MAP_FLOAT) | TYPE(MAP_ANGLE))
+
+struct iec61850_data iec61850_default_data(const struct map_point *point)
+{
+	const bool command = (point->flags & MAP_POINT_COMMAND) != 0;
+
+	switch ((enum map_type)point->type) {
+	case MAP_SINGLE:
+		return command ? (struct iec61850_data)IS("SPCSO", SPC)
+			       : (struct iec61850_data)IS("Ind", SPS);
+	case MAP_DOUBLE:
+		return (struct iec61850_data)IS("DPCSO", DPC);
+	case MAP_STEP:
+	case MAP_BITSTRING:
+	case MAP_INTEGER:
+		return command ? (struct iec61850_data)IS("ISCSO", INC)
+			       : (struct iec61850_data)IS("IntIn", INS);
+	case MAP_NORMALIZED:
+	case MAP_SCALED:
+	case MAP_FLOAT:
+	case MAP_ANGLE:
+		return command ? (struct iec61850_data)IS("AnOut", APC)
+			       : (struct iec61850_data)IS("AnIn", MV);
+	case MAP_COUNTER:
+		break;
+	}
+	return (struct iec61850_data)IS("CntVal", BCR);
+}
 
 bool iec61850_cdc_takes(enum iec61850_cdc cdc, unsigned type)
 {

@@ -7,6 +7,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "map/config.h"
+
 /* Common data classes. */
 enum iec61850_cdc {
 	IEC61850_SPS,
@@ -40,6 +42,8 @@ enum iec61850_enumeration {
 	IEC61850_CTL_MODEL_KIND,
 	IEC61850_ORIGINATOR_KIND,
 	IEC61850_DIRECTION_KIND,
+	IEC61850_SI_UNIT_KIND,
+	IEC61850_MULTIPLIER_KIND,
 	IEC61850_ENUMERATIONS,
 };
 
@@ -67,6 +71,8 @@ enum { IEC61850_CLASS_LLN0, IEC61850_CLASS_LPHD, IEC61850_CLASS_GGIO };
 extern const struct iec61850_ln_class iec61850_ln_classes[];
 extern const size_t iec61850_ln_class_count;
 
+/* What GGIO has for a point. Without a command an xxC shows its status only. */
+struct iec61850_data iec61850_default_data(const struct map_point *point);
 /* Whether a point of this type can be data of this class. */
 bool iec61850_cdc_takes(enum iec61850_cdc cdc, unsigned type);
 

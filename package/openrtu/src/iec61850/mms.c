@@ -25,6 +25,12 @@ enum {
 	WRITE = 0xa5,
 	ACCESS_ATTRIBUTES = 0xa6,
 	LIST_ATTRIBUTES = 0xac,
+	LIST_DEFINE = 0xab,
+	LIST_DELETE = 0xad,
+	FILE_OPEN = 0xbf48,
+	FILE_READ = 0x9f49,
+	FILE_CLOSE = 0x9f4a,
+	FILE_DIRECTORY = 0xbf4d,
 	STATUS_RESPONSE = 0xa0,
 	IDENTIFY_RESPONSE = 0xa2,
 };
@@ -39,7 +45,7 @@ enum { OF_PDU = 0x85, UNKNOWN_PDU = 0, INVALID_PDU = 1 };
 
 /* Parameters CBB: str1, str2, vnam, vlis. Services: those of iec61850_serve, information report, conclude (18.2). */
 static const uint8_t parameters[] = {5, 0xe1, 0x00};
-static const uint8_t services[] = {3, 0xee, 0x08, 0, 0, 0, 0, 0, 0, 0, 0x01, 0x10};
+static const uint8_t services[] = {3, 0xee, 0x1c, 0, 0, 0, 0, 0, 0, 0, 0xe5, 0x10};
 
 bool iec61850_initiate(const struct ber_element *request, uint32_t *max_pdu, struct ber_writer *writer)
 {
@@ -124,7 +130,7 @@ static enum iec61850_error list_attributes(const struct iec61850_server *server,
 		const size_t member = writer->at;
 		char name[IEC61850_NAME_SIZE];
 
-		iec61850_object_name(&server->model, &object, name);
+		iec61850_variable_name(&server->model, &object, name);
 		ber_put_text(writer, BER_VISIBLE_STRING, name);
 		iec61850_device_name(&server->model, object.device, name);
 		ber_put_text(writer, BER_VISIBLE_STRING, name);
@@ -133,7 +139,7 @@ static enum iec61850_error list_attributes(const struct iec61850_server *server,
 		ber_close(writer, BER_SEQUENCE, member);
 	}
 	ber_close(writer, 0xa1, end);
-	ber_put(writer, 0x80, (const uint8_t[]){0}, 1); /* cannot be deleted */
+	ber_put(writer, 0x80, (const uint8_t[]){set - server->model.sets >= server->model.set_count}, 1);
 	ber_close(writer, LIST_ATTRIBUTES, end);
 	return IEC61850_NO_ERROR;
 }
@@ -164,6 +170,24 @@ static bool carry_out(struct iec61850_server *server, const struct ber_element *
 		return true;
 	case LIST_ATTRIBUTES:
 		*error = list_attributes(server, service, writer);
+		return true;
+	case LIST_DEFINE:
+		*error = iec61850_list_define(server, service, writer);
+		return true;
+	case LIST_DELETE:
+		*error = iec61850_list_delete(server, service, writer);
+		return true;
+	case FILE_OPEN:
+		*error = iec61850_file_open(server, service, writer);
+		return true;
+	case FILE_READ:
+		*error = iec61850_file_read(server, service, writer);
+		return true;
+	case FILE_CLOSE:
+		*error = iec61850_file_close(server, service, writer);
+		return true;
+	case FILE_DIRECTORY:
+		*error = iec61850_file_directory(server, service, writer);
 		return true;
 	default:
 		return false;

@@ -26,6 +26,13 @@ struct iec61850_wish {
 	uint8_t octets[IEC61850_WISH_SIZE]; /* its elements, as they came */
 };
 
+/* A file that a client reads: it has one at a time. */
+struct iec61850_reading {
+	const void *client; /* NULL: none */
+	uint32_t number;    /* its FRSM */
+	size_t at;
+};
+
 enum iec61850_phase {
 	IEC61850_CONTROL_OVER,
 	IEC61850_SELECTING,
@@ -57,8 +64,13 @@ struct iec61850_server {
 	/* What one request needs, whosever it is. */
 	struct ber_element variables[IEC61850_VARIABLES_MAX];
 	uint8_t *names;   /* max_pdu octets */
-	uint32_t *chosen; /* members of a data set, as many as there are points */
+	uint32_t *chosen; /* members of a data set: model.longest_set */
 	struct iec61850_control controls[IEC61850_CONTROLS];
+	const uint8_t *file; /* the SCL file; NULL: there is none */
+	size_t file_size;
+	char file_date[sizeof("20000101000000Z")]; /* when it was written; empty: nobody knows */
+	struct iec61850_reading readings[IEC61850_ASSOCIATIONS_MAX];
+	uint32_t reading; /* number of the last one */
 	/* Whose turn it is, what it asks, and when. */
 	const void *client;
 	uint32_t session; /* of it, as selections are told apart */
@@ -93,9 +105,14 @@ enum iec61850_error {
 	IEC61850_NO_ERROR,
 	IEC61850_LATER,                    /* no error: the answer comes by itself */
 	IEC61850_UNDEFINED = 0x0201,       /* definition: object-undefined */
-	IEC61850_UNSUPPORTED = 0x0204,     /* definition: object-attribute-inconsistent */
+	IEC61850_UNSUPPORTED = 0x0204,     /* definition: type-inconsistent */
+	IEC61850_EXISTS = 0x0205,          /* definition: object-exists */
+	IEC61850_INCONSISTENT = 0x0206,    /* definition: object-attribute-inconsistent */
 	IEC61850_TOO_LONG = 0x0301,        /* resource: memory-unavailable */
+	IEC61850_NO_SUCH_ACCESS = 0x0701,  /* access: object-access-unsupported */
 	IEC61850_NON_EXISTENT = 0x0702,    /* access: object-non-existent */
+	IEC61850_FILE_POSITION = 0x0b05,   /* file: position-invalid */
+	IEC61850_NO_FILE = 0x0b07,         /* file: file-non-existent */
 	IEC61850_INVALID_REQUEST = 0xffff, /* no error: the request is rejected */
 };
 
@@ -109,6 +126,25 @@ enum iec61850_error iec61850_name_list(struct iec61850_server *server, const str
 				       struct ber_writer *writer);
 enum iec61850_error iec61850_read(struct iec61850_server *server, const struct ber_element *request,
 				  struct ber_writer *writer);
+/* An ObjectName of a data set: the logical device, NULL if it is an association's own, and the item. False: it is another. */
+bool iec61850_list_name(const struct iec61850_server *server, const struct ber_element *name,
+			const struct iec61850_device **device, struct ber_element *item);
+enum iec61850_error iec61850_list_define(struct iec61850_server *server, const struct ber_element *request,
+					 struct ber_writer *writer);
+enum iec61850_error iec61850_list_delete(struct iec61850_server *server, const struct ber_element *request,
+					 struct ber_writer *writer);
+/* A client is gone, and its control blocks are others'. */
+void iec61850_lists_release(struct iec61850_server *server, const void *client);
+enum iec61850_error iec61850_file_open(struct iec61850_server *server, const struct ber_element *request,
+				       struct ber_writer *writer);
+enum iec61850_error iec61850_file_read(struct iec61850_server *server, const struct ber_element *request,
+				       struct ber_writer *writer);
+enum iec61850_error iec61850_file_close(struct iec61850_server *server, const struct ber_element *request,
+					struct ber_writer *writer);
+enum iec61850_error iec61850_file_directory(const struct iec61850_server *server,
+					    const struct ber_element *request, struct ber_writer *writer);
+/* A client is gone. */
+void iec61850_file_release(struct iec61850_server *server, const void *client);
 enum iec61850_error iec61850_write(struct iec61850_server *server, const struct ber_element *request,
 				   struct ber_writer *writer);
 

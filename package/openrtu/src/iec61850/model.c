@@ -68,34 +68,6 @@ struct what {
 	uint32_t number;
 };
 
-/* What GGIO has for a point. Without a command an xxC shows its status only. */
-static struct what default_of(const struct map_point *point)
-{
-	const bool command = (point->flags & MAP_POINT_COMMAND) != 0;
-
-	switch ((enum map_type)point->type) {
-	case MAP_SINGLE:
-		return command ? (struct what){"SPCSO", IEC61850_SPC, 0, point->ioa}
-			       : (struct what){"Ind", IEC61850_SPS, 0, point->ioa};
-	case MAP_DOUBLE:
-		return (struct what){"DPCSO", IEC61850_DPC, 0, point->ioa};
-	case MAP_STEP:
-	case MAP_BITSTRING:
-	case MAP_INTEGER:
-		return command ? (struct what){"ISCSO", IEC61850_INC, 0, point->ioa}
-			       : (struct what){"IntIn", IEC61850_INS, 0, point->ioa};
-	case MAP_NORMALIZED:
-	case MAP_SCALED:
-	case MAP_FLOAT:
-	case MAP_ANGLE:
-		return command ? (struct what){"AnOut", IEC61850_APC, 0, point->ioa}
-			       : (struct what){"AnIn", IEC61850_MV, 0, point->ioa};
-	case MAP_COUNTER:
-		break;
-	}
-	return (struct what){"CntVal", IEC61850_BCR, 0, point->ioa};
-}
-
 static struct what data_of(const struct iec61850_ln_class *class, unsigned number)
 {
 	const struct iec61850_data *data = &class->data[number];
@@ -109,8 +81,12 @@ static struct what what_of_point(const struct iec61850_model *model, uint32_t po
 	const struct iec61850_assignment *assigned = model->assigned[point];
 	struct what what;
 
-	if (assigned == NULL)
-		return default_of(&model->config->points[point]);
+	if (assigned == NULL) {
+		const struct map_point *of = &model->config->points[point];
+		const struct iec61850_data data = iec61850_default_data(of);
+
+		return (struct what){data.name, (enum iec61850_cdc)data.cdc, 0, of->ioa};
+	}
 	what = data_of(&iec61850_ln_classes[assigned->class], assigned->data);
 	what.number = assigned->number;
 	return what;
@@ -180,6 +156,27 @@ enum iec61850_ctl_kind iec61850_ctl_model(const struct iec61850_model *model, ui
 	return settings->normal_security ? IEC61850_DIRECT_NORMAL : IEC61850_DIRECT_ENHANCED;
 }
 
+/* A normalized value is shown as a part of what the unit would be of, an angle in degrees. */
+struct iec61850_unit iec61850_unit_of(const struct iec61850_model *model, const struct map_point *point)
+{
+	if (point->type == MAP_ANGLE)
+		return iec61850_unit_parse("deg");
+	return model->units[point->type == MAP_NORMALIZED ? 0 : point->unit];
+}
+
+static bool has_unit(const struct iec61850_model *model, uint32_t point)
+{
+	return point != MAP_NONE && iec61850_unit_of(model, &model->config->points[point]).si != 0;
+}
+
+/* Of a set-point it is what it may be set to, of others their deadband. */
+static bool has_limits(const struct iec61850_model *model, uint32_t point, enum iec61850_cdc cdc)
+{
+	const struct map_point *of = point == MAP_NONE ? NULL : &model->config->points[point];
+
+	return of != NULL && (cdc == IEC61850_APC ? of->step > 0 : of->deadband > 0);
+}
+
 static struct iec61850_nodes nodes_of_block(const struct iec61850_block *block, enum iec61850_fc fc)
 {
 	if (fc != (block->buffered ? IEC61850_BR : IEC61850_RP))
@@ -200,9 +197,11 @@ struct iec61850_nodes iec61850_nodes_of(const struct iec61850_model *model,
 	if (block != NULL)
 		return nodes_of_block(block, fc);
 	cdc = what_of(model, &object).cdc;
-	if (fc != IEC61850_CO)
+	if (fc != IEC61850_CF && fc != IEC61850_CO)
 		return iec61850_cdc_nodes(cdc, fc);
 	point = iec61850_point_of(model, &object);
+	if (fc == IEC61850_CF)
+		return iec61850_cdc_settings(cdc, has_limits(model, point, cdc), has_unit(model, point));
 	if (point == MAP_NONE)
 		return (struct iec61850_nodes){0};
 	return iec61850_cdc_services(cdc, iec61850_ctl_model(model, point));
@@ -224,13 +223,14 @@ struct iec61850_class iec61850_class_of(const struct iec61850_model *model,
 {
 	const uint32_t point = iec61850_point_of(model, object);
 	const struct what what = what_of(model, object);
-	const struct iec61850_nodes settings = iec61850_cdc_nodes(what.cdc, IEC61850_CF);
 
-	return (struct iec61850_class){
-	    .name = iec61850_cdc_names[what.cdc],
-	    .enumeration = what.enumeration,
-	    .controllable = settings.count > 0 && settings.nodes->leaf == IEC61850_CTL_MODEL,
-	    .control = point == MAP_NONE ? IEC61850_STATUS_ONLY : iec61850_ctl_model(model, point)};
+	return (struct iec61850_class){.name = iec61850_cdc_names[what.cdc],
+				       .enumeration = what.enumeration,
+				       .controllable = iec61850_cdc_is_controllable(what.cdc),
+				       .has_limits = has_limits(model, point, what.cdc),
+				       .has_unit = has_unit(model, point),
+				       .control = point == MAP_NONE ? IEC61850_STATUS_ONLY
+								    : iec61850_ctl_model(model, point)};
 }
 
 struct iec61850_object iec61850_object_of(const struct iec61850_model *model, uint32_t point)
@@ -302,6 +302,34 @@ void iec61850_object_name(const struct iec61850_model *model, const struct iec61
 		print_what(&what, own);
 	}
 	snprintf(out, IEC61850_NAME_SIZE, "%s$%s$%.30s", ln->name, fc_names[object->fc], own);
+}
+
+/* Puts the path of a node behind a name. False: it is not inside. */
+static bool add_path(struct iec61850_nodes inside, const struct iec61850_node *node,
+		     char name[IEC61850_NAME_SIZE])
+{
+	const size_t length = strlen(name);
+
+	for (unsigned i = 0; i < inside.count; i++) {
+		const struct iec61850_node *each = &inside.nodes[i];
+
+		snprintf(name + length, IEC61850_NAME_SIZE - length, "$%s", each->name);
+		if (each == node ||
+		    add_path((struct iec61850_nodes){each->children, each->count}, node, name))
+			return true;
+	}
+	name[length] = '\0';
+	return false;
+}
+
+void iec61850_variable_name(const struct iec61850_model *model, const struct iec61850_object *object,
+			    char out[IEC61850_NAME_SIZE])
+{
+	iec61850_object_name(model, object, out);
+	if (object->node != NULL)
+		add_path(iec61850_nodes_of(model, object->device, object->ln, object->number,
+					   (enum iec61850_fc)object->fc),
+			 object->node, out);
 }
 
 /* A name may have letters that a VisibleString has not. */
@@ -476,7 +504,10 @@ struct iec61850_object iec61850_block_object(const struct iec61850_device *devic
 
 void iec61850_set_name(const struct iec61850_set *set, char out[IEC61850_NAME_SIZE])
 {
-	snprintf(out, IEC61850_NAME_SIZE, "LLN0$%s", set->name);
+	if (set->ln == NULL)
+		snprintf(out, IEC61850_NAME_SIZE, "%s", set->name);
+	else
+		snprintf(out, IEC61850_NAME_SIZE, "%.17s$%.32s", set->ln, set->name);
 }
 
 const struct iec61850_set *iec61850_find_set(const struct iec61850_model *model,
@@ -498,16 +529,29 @@ const struct iec61850_set *iec61850_find_set(const struct iec61850_model *model,
 struct iec61850_object iec61850_member(const struct iec61850_model *model, const struct iec61850_set *set,
 				       uint32_t member)
 {
-	return iec61850_object_of(model, model->members[set->first + member].point);
+	const struct iec61850_member *of = &model->members[set->first + member];
+	struct iec61850_object object = iec61850_object_of(model, of->point);
+
+	object.node = of->node;
+	return object;
 }
 
-uint32_t iec61850_member_of(const struct iec61850_model *model, uint32_t point, uint32_t set)
+/* From this member on, of those of the same point. */
+static uint32_t member_from(const struct iec61850_model *model, uint32_t member, uint32_t set)
 {
-	uint32_t member = model->places[point].member;
-
 	while (member != IEC61850_NO_MEMBER && model->members[member].set != set)
 		member = model->members[member].next;
-	return member == IEC61850_NO_MEMBER ? member : member - model->sets[set].first;
+	return member;
+}
+
+uint32_t iec61850_last_member(const struct iec61850_model *model, uint32_t point, uint32_t set)
+{
+	return member_from(model, model->places[point].member, set);
+}
+
+uint32_t iec61850_member_before(const struct iec61850_model *model, uint32_t member)
+{
+	return member_from(model, model->members[member].next, model->members[member].set);
 }
 
 /* ---- begin, end -------------------------------------------------------------------------- */
@@ -618,7 +662,7 @@ static uint32_t hash_member(const struct iec61850_model *model, const struct iec
 	const char *const class = iec61850_class_of(model, object).name;
 	char name[IEC61850_NAME_SIZE];
 
-	iec61850_object_name(model, object, name);
+	iec61850_variable_name(model, object, name);
 	return hash_of(hash_of(hash, name, strlen(name)), class, strlen(class));
 }
 
@@ -644,34 +688,61 @@ static void make_places(struct iec61850_model *model)
 	}
 }
 
-static void add_member(struct iec61850_model *model, uint32_t set, uint32_t point)
+void iec61850_add_member(struct iec61850_model *model, uint32_t set, uint32_t member, uint32_t point,
+			 const struct iec61850_node *node)
 {
 	struct iec61850_place *place = &model->places[point];
-	const struct iec61850_object object = iec61850_object_of(model, point);
+	struct iec61850_object object = iec61850_object_of(model, point);
 
-	model->members[model->member_count] =
-	    (struct iec61850_member){.point = point, .set = set, .next = place->member};
-	place->member = model->member_count++;
-	model->sets[set].count++;
+	object.node = node;
+	if (model->sets[set].count++ == 0)
+		model->sets[set].revision = HASH_BASIS;
+	model->members[member] =
+	    (struct iec61850_member){.point = point, .set = set, .next = place->member, .node = node};
+	place->member = member;
 	model->sets[set].revision = hash_member(model, &object, model->sets[set].revision);
+	if (model->sets[set].revision == 0)
+		model->sets[set].revision = 1; /* 0 would be: not configured */
+}
+
+void iec61850_clear_set(struct iec61850_model *model, uint32_t set)
+{
+	struct iec61850_set *of = &model->sets[set];
+
+	for (uint32_t i = of->first; i < of->first + of->count; i++) {
+		uint32_t *at = &model->places[model->members[i].point].member;
+
+		while (*at != i)
+			at = &model->members[*at].next;
+		*at = model->members[i].next;
+	}
+	of->count = 0;
+}
+
+static void add_member(struct iec61850_model *model, uint32_t set, uint32_t point,
+		       const struct iec61850_node *node)
+{
+	iec61850_add_member(model, set, model->member_count++, point, node);
 }
 
 static uint32_t add_set(struct iec61850_model *model, struct iec61850_device *device, const char *name)
 {
 	model->sets[model->set_count] =
-	    (struct iec61850_set){.name = name, .first = model->member_count, .revision = HASH_BASIS};
+	    (struct iec61850_set){.ln = "LLN0", .name = name, .first = model->member_count};
 	if (device->set_count++ == 0)
 		device->first_set = model->set_count;
 	return model->set_count++;
 }
 
-static void end_set(struct iec61850_set *set)
+/* A control block has a reason for each member of its data set, and an unbuffered one of a client's too. */
+static uint32_t room_for(const struct iec61850_model *model, const struct iec61850_report *report,
+			 uint32_t set)
 {
-	if (set->revision == 0)
-		set->revision = 1; /* 0 would be: not configured */
+	const uint32_t count = model->sets[set].count;
+
+	return report->buffered || count > IEC61850_LIST_MEMBERS ? count : IEC61850_LIST_MEMBERS;
 }
 
-/* A control block has a reason for each member of its data set. */
 static void add_blocks(struct iec61850_model *model, struct iec61850_device *device,
 		       const struct iec61850_report *report, uint32_t set, uint32_t *kept)
 {
@@ -682,6 +753,7 @@ static void add_blocks(struct iec61850_model *model, struct iec61850_device *dev
 						 .index = (uint8_t)(i + 1),
 						 .buffered = report->buffered,
 						 .set = set,
+						 .own_set = set,
 						 .triggers = report->triggers,
 						 .options = report->options,
 						 .buffer_ms = report->buffer_ms,
@@ -690,7 +762,7 @@ static void add_blocks(struct iec61850_model *model, struct iec61850_device *dev
 		snprintf(block->id, sizeof(block->id), "%s", report->id);
 		if (report->buffered)
 			block->kept_number = (*kept)++;
-		model->reason_count += model->sets[set].count;
+		model->reason_count += room_for(model, report, set);
 		device->block_count++;
 	}
 }
@@ -736,13 +808,27 @@ static void make_default_sets(struct iec61850_model *model, struct iec61850_devi
 				continue;
 			if (of[i] == IEC61850_NO_MEMBER)
 				of[i] = add_set(model, device, defaults[i].name);
-			add_member(model, of[i], point);
+			add_member(model, of[i], point, NULL);
 		}
-		if (of[i] != IEC61850_NO_MEMBER)
-			end_set(&model->sets[of[i]]);
 	}
 	add_default_blocks(model, device, of, false, kept);
 	add_default_blocks(model, device, of, true, kept);
+}
+
+/* The attribute of a point that the file has checked; NULL: all. */
+static void add_chosen(struct iec61850_model *model, uint32_t set, const struct iec61850_chosen *chosen)
+{
+	struct iec61850_object object = iec61850_object_of(model, chosen->point);
+	char name[IEC61850_NAME_SIZE];
+
+	iec61850_object_name(model, &object, name);
+	snprintf(name + strlen(name), sizeof(name) - strlen(name), "%s%s",
+		 chosen->attribute[0] == '\0' ? "" : "$", chosen->attribute);
+	for (char *c = name; *c != '\0'; c++)
+		if (*c == '.')
+			*c = '$';
+	iec61850_find(model, object.device, (const uint8_t *)name, strlen(name), &object);
+	add_member(model, set, chosen->point, object.node);
 }
 
 /* A data set of the file, with its control blocks. */
@@ -753,8 +839,7 @@ static void make_chosen_set(struct iec61850_model *model, struct iec61850_device
 	const uint32_t set = add_set(model, device, chosen->name);
 
 	for (uint32_t i = 0; i < chosen->member_count; i++)
-		add_member(model, set, iec61850_members(model->config)[chosen->first_member + i]);
-	end_set(&model->sets[set]);
+		add_chosen(model, set, &iec61850_members(model->config)[chosen->first_member + i]);
 	if (chosen->conf_rev != 0)
 		model->sets[set].revision = chosen->conf_rev;
 	for (uint32_t i = 0; i < map_record_count(model->config, IEC61850_REPORTS); i++)
@@ -786,12 +871,24 @@ static void make_sets(struct iec61850_model *model)
 		for (uint32_t j = 0; j < chosen; j++) {
 			const struct iec61850_data_set *set = &iec61850_data_sets(model->config)[j];
 
-			if (model->places[iec61850_members(model->config)[set->first_member]].device == i)
+			if (model->places[iec61850_members(model->config)[set->first_member].point].device ==
+			    i)
 				make_chosen_set(model, device, j, &kept);
 		}
 		if (device->set_count == 0)
 			make_default_sets(model, device, &default_kept);
 	}
+}
+
+/* Room for the data sets of clients. */
+static void make_lists(struct iec61850_model *model)
+{
+	model->longest_set = IEC61850_LIST_MEMBERS;
+	for (uint32_t i = 0; i < model->set_count; i++)
+		if (model->sets[i].count > model->longest_set)
+			model->longest_set = model->sets[i].count;
+	for (uint32_t i = 0; i < IEC61850_LISTS; i++)
+		model->sets[model->set_count + i].first = model->member_count + i * IEC61850_LIST_MEMBERS;
 }
 
 static uint32_t hash_assignment(uint32_t hash, const struct iec61850_assignment *assigned)
@@ -811,7 +908,7 @@ static uint32_t hash_section(const struct map_config *config, uint32_t id, size_
 static uint32_t hash_chosen(const struct map_config *config, uint32_t hash)
 {
 	hash = hash_section(config, IEC61850_DATA_SETS, sizeof(struct iec61850_data_set), hash);
-	hash = hash_section(config, IEC61850_MEMBERS, sizeof(uint32_t), hash);
+	hash = hash_section(config, IEC61850_MEMBERS, sizeof(struct iec61850_chosen), hash);
 	return hash_section(config, IEC61850_REPORTS, sizeof(struct iec61850_report), hash);
 }
 
@@ -824,8 +921,11 @@ static uint32_t number_of_configuration(const struct iec61850_model *model)
 		const struct map_point *point = &model->config->points[model->points[i]];
 		const uint32_t words[] = {ca_of(model->config, model->points[i]), point->ioa, point->type,
 					  point->flags};
+		const struct iec61850_unit unit = iec61850_unit_of(model, point);
 
 		hash = hash_of(hash, words, sizeof(words));
+		if (unit.si != 0)
+			hash = hash_of(hash, &unit, sizeof(unit));
 		if (model->assigned[model->points[i]] != NULL)
 			hash = hash_assignment(hash, model->assigned[model->points[i]]);
 	}
@@ -848,21 +948,32 @@ static bool allocate_sets(struct iec61850_model *model)
 	const uint32_t chosen = map_record_count(config, IEC61850_DATA_SETS);
 	size_t blocks = (size_t)model->device_count * 2 * DEFAULT_SETS * BLOCKS_A_SET;
 	/* A point is a member of one default data set at most. */
-	size_t reasons = (size_t)config->point_count * 2 * BLOCKS_A_SET;
+	size_t reasons = (size_t)config->point_count * 2 * BLOCKS_A_SET + blocks / 2 * IEC61850_LIST_MEMBERS;
 
 	for (uint32_t i = 0; i < map_record_count(config, IEC61850_REPORTS); i++) {
 		const struct iec61850_report *report = &iec61850_reports(config)[i];
 
 		blocks += report->instances;
-		reasons += (size_t)report->instances * iec61850_data_sets(config)[report->set].member_count;
+		reasons += (size_t)report->instances *
+			   (iec61850_data_sets(config)[report->set].member_count + IEC61850_LIST_MEMBERS);
 	}
-	model->sets = calloc((size_t)model->device_count * DEFAULT_SETS + chosen + 1, sizeof(*model->sets));
-	model->members = calloc((size_t)config->point_count + map_record_count(config, IEC61850_MEMBERS) + 1,
+	model->sets = calloc((size_t)model->device_count * DEFAULT_SETS + chosen + IEC61850_LISTS,
+			     sizeof(*model->sets));
+	model->members = calloc((size_t)config->point_count + map_record_count(config, IEC61850_MEMBERS) +
+				    (size_t)IEC61850_LISTS * IEC61850_LIST_MEMBERS,
 				sizeof(*model->members));
 	model->blocks = calloc(blocks + 1, sizeof(*model->blocks));
 	model->reasons = calloc(reasons + 1, 1);
 	return model->sets != NULL && model->members != NULL && model->blocks != NULL &&
 	       model->reasons != NULL;
+}
+
+static void read_units(struct iec61850_model *model)
+{
+	const struct map_unit *units = map_records(model->config, MAP_UNITS, sizeof(*units));
+
+	for (uint32_t i = 0; units != NULL && i < map_record_count(model->config, MAP_UNITS); i++)
+		model->units[i + 1] = iec61850_unit_parse(units[i].text);
 }
 
 bool iec61850_model_of(struct iec61850_model *model, const struct map_config *config)
@@ -885,12 +996,14 @@ bool iec61850_model_of(struct iec61850_model *model, const struct map_config *co
 		model->points[i] = i;
 	for (uint32_t i = 0; i < map_record_count(config, IEC61850_ASSIGNMENTS); i++)
 		model->assigned[iec61850_assignments(config)[i].point] = &iec61850_assignments(config)[i];
+	read_units(model);
 	qsort_r(model->points, config->point_count, sizeof(*model->points), by_address, model);
 	make_devices(model);
 	make_places(model);
 	if (!allocate_sets(model))
 		return false;
 	make_sets(model);
+	make_lists(model);
 	model->revision = number_of_configuration(model);
 	return true;
 }

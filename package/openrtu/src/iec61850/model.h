@@ -11,6 +11,7 @@
 #include "iec61850/cdc.h"
 #include "iec61850/config.h"
 #include "iec61850/kept.h"
+#include "iec61850/unit.h"
 #include "map/map.h"
 
 #define IEC61850_NAME_SIZE       65 /* an MMS identifier has 64 characters at most (IEC 61850-8-1, 7.3.1) */
@@ -35,15 +36,28 @@ struct iec61850_ln {
 
 /* A data set. If the configuration has none of a logical device: status, what its points have under ST, and measured, under MX. */
 struct iec61850_set {
+	const char *ln; /* NULL: it is an association's own */
 	const char *name;
 	uint32_t first, count; /* of the model's members */
 	uint32_t revision;     /* ConfRev: another one when the members are others */
 };
 
-/* A point in a data set. */
+/* A point in a data set, or an attribute of it. */
 struct iec61850_member {
 	uint32_t point, set;
-	uint32_t next; /* member that is the same point, in another set; IEC61850_NO_MEMBER: there is none */
+	uint32_t next; /* an earlier member that is of the same point; IEC61850_NO_MEMBER: there is none */
+	const struct iec61850_node *node; /* NULL: all that it has under its functional constraint */
+};
+
+#define IEC61850_LISTS        16 /* data sets that clients have made, at a time */
+#define IEC61850_LIST_MEMBERS 64 /* of one */
+
+/* A data set that a client has made: iec61850/list.h. Its set has its number behind those of the configuration. */
+struct iec61850_list {
+	bool used;
+	const void *client; /* whose it is; NULL: everybody's, until somebody deletes it */
+	const struct iec61850_device *device;
+	char ln[IEC61850_LN_SIZE], name[IEC61850_SET_SIZE];
 };
 
 /* TrgOps, and the reasons for inclusion; OptFlds (IEC 61850-8-1, tables 38 and 39): the first bit in the most significant place. */
@@ -80,6 +94,7 @@ struct iec61850_block {
 	uint8_t index;    /* from 1 */
 	bool buffered;
 	uint32_t set;                  /* of the model's */
+	uint32_t own_set;              /* that it has of the configuration */
 	uint32_t kept_number;          /* of a buffered one: of its reader */
 	const void *owner;             /* the association that has it; NULL: none */
 	struct iec61850_peer peer;     /* of the owner, or of the former one while the block is kept for it */
@@ -126,8 +141,10 @@ struct iec61850_model {
 	uint32_t ln_count;
 	struct iec61850_device *devices;
 	uint32_t device_count;
-	struct iec61850_set *sets;
-	uint32_t set_count;
+	struct iec61850_set *sets; /* of the configuration, then of lists */
+	uint32_t set_count;        /* of the configuration */
+	uint32_t longest_set;      /* members that a set can have */
+	struct iec61850_list lists[IEC61850_LISTS];
 	struct iec61850_member *members;
 	uint32_t member_count;
 	struct iec61850_block *blocks; /* of all devices */
@@ -135,6 +152,7 @@ struct iec61850_model {
 	uint8_t *reasons;
 	size_t reason_count;
 	struct iec61850_place *places;
+	struct iec61850_unit units[MAP_UNITS_MAX + 1]; /* by number in map_point.unit */
 	struct map_sample *image; /* of each point, as the events have it that were taken */
 	struct iec61850_buffer buffer;
 	uint32_t revision; /* of the configuration, as configRev shows it */
@@ -157,6 +175,7 @@ struct iec61850_class {
 	const char *name;                      /* its common data class */
 	enum iec61850_enumeration enumeration; /* of its stVal */
 	bool controllable;
+	bool has_limits, has_unit; /* of its point */
 	enum iec61850_ctl_kind control;
 };
 
@@ -180,6 +199,10 @@ const char *iec61850_fc_name(uint32_t fc);
 void iec61850_object_name(const struct iec61850_model *model, const struct iec61850_object *object,
 			  char out[IEC61850_NAME_SIZE]);
 
+/* The same of an attribute too, as GGIO1$MX$AnIn30001$mag$f. */
+void iec61850_variable_name(const struct iec61850_model *model, const struct iec61850_object *object,
+			    char out[IEC61850_NAME_SIZE]);
+
 /* d: the point's name, or the device's. */
 void iec61850_description(const struct iec61850_model *model, const struct iec61850_object *object,
 			  char out[MAP_NAME_SIZE]);
@@ -198,6 +221,8 @@ bool iec61850_has(const struct iec61850_model *model, const struct iec61850_devi
 /* The class of a data object, which is no control block. */
 struct iec61850_class iec61850_class_of(const struct iec61850_model *model,
 					const struct iec61850_object *object);
+/* The unit in which a point's value is shown. */
+struct iec61850_unit iec61850_unit_of(const struct iec61850_model *model, const struct map_point *point);
 /* The data object of a point. */
 struct iec61850_object iec61850_object_of(const struct iec61850_model *model, uint32_t point);
 /* How a point is controlled: as the configuration has it, if anybody may. */
@@ -220,8 +245,14 @@ const struct iec61850_set *iec61850_find_set(const struct iec61850_model *model,
 /* The data object of a set's member. */
 struct iec61850_object iec61850_member(const struct iec61850_model *model, const struct iec61850_set *set,
 				       uint32_t member);
-/* Which member of the set a point is. IEC61850_NO_MEMBER: none. */
-uint32_t iec61850_member_of(const struct iec61850_model *model, uint32_t point, uint32_t set);
+/* The last member of the set that is of a point, and then those before it. IEC61850_NO_MEMBER: there is none. */
+uint32_t iec61850_last_member(const struct iec61850_model *model, uint32_t point, uint32_t set);
+uint32_t iec61850_member_before(const struct iec61850_model *model, uint32_t member);
+/* Adds a member to the set that was made last. */
+void iec61850_add_member(struct iec61850_model *model, uint32_t set, uint32_t member, uint32_t point,
+			 const struct iec61850_node *node);
+/* Takes away all of a set's. */
+void iec61850_clear_set(struct iec61850_model *model, uint32_t set);
 /* The point that a data object shows; MAP_NONE: it is the logical device's own. */
 uint32_t iec61850_point_of(const struct iec61850_model *model, const struct iec61850_object *object);
 

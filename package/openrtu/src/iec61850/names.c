@@ -124,6 +124,23 @@ static void add_sets(struct list *list, const struct iec61850_model *model,
 	}
 }
 
+/* What clients have made: of a logical device, or, if device is NULL, this one for itself. */
+static void add_lists(struct list *list, const struct iec61850_server *server,
+		      const struct iec61850_device *device)
+{
+	const void *client = device == NULL ? server->client : NULL;
+
+	for (uint32_t i = 0; i < IEC61850_LISTS; i++) {
+		const struct iec61850_list *each = &server->model.lists[i];
+		char name[IEC61850_NAME_SIZE];
+
+		if (!each->used || each->client != client || (device != NULL && each->device != device))
+			continue;
+		iec61850_set_name(&server->model.sets[server->model.set_count + i], name);
+		add(list, name);
+	}
+}
+
 static void add_devices(struct list *list, const struct iec61850_model *model)
 {
 	for (uint32_t i = 0; i < model->device_count; i++) {
@@ -134,9 +151,10 @@ static void add_devices(struct list *list, const struct iec61850_model *model)
 	}
 }
 
-static enum iec61850_error fill(struct list *list, const struct iec61850_model *model, int64_t class,
+static enum iec61850_error fill(struct list *list, const struct iec61850_server *server, int64_t class,
 				const struct ber_element *scope)
 {
+	const struct iec61850_model *model = &server->model;
 	const struct iec61850_device *device;
 	struct ber_element of;
 
@@ -148,12 +166,16 @@ static enum iec61850_error fill(struct list *list, const struct iec61850_model *
 			return IEC61850_NON_EXISTENT;
 		if (class == NAMED_VARIABLE && !add_variables(list, model, device))
 			return IEC61850_UNDEFINED;
-		if (class == NAMED_VARIABLE_LIST)
+		if (class == NAMED_VARIABLE_LIST) {
 			add_sets(list, model, device);
+			add_lists(list, server, device);
+		}
 	} else if (!ber_find(scope, OF_VMD, &of) && !ber_find(scope, OF_ASSOCIATION, &of)) {
 		return IEC61850_INVALID_REQUEST;
 	} else if (class == DOMAIN && of.tag == OF_VMD) {
 		add_devices(list, model);
+	} else if (class == NAMED_VARIABLE_LIST && of.tag == OF_ASSOCIATION) {
+		add_lists(list, server, NULL);
 	}
 	return list->after != NULL ? IEC61850_UNDEFINED : IEC61850_NO_ERROR;
 }
@@ -175,7 +197,7 @@ enum iec61850_error iec61850_name_list(struct iec61850_server *server, const str
 		list.after = after.value;
 		list.after_size = after.size;
 	}
-	error = fill(&list, &server->model, value, &scope);
+	error = fill(&list, server, value, &scope);
 	if (error != IEC61850_NO_ERROR)
 		return error;
 	ber_put(writer, 0x81, (const uint8_t[]){list.more ? 0xff : 0}, 1);

@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "iec61850/list.h"
 #include "iec61850/tags.h"
 #include "iec61850/value.h"
 
@@ -30,6 +31,18 @@ static void mark_all(const struct iec61850_model *model, struct iec61850_block *
 		block->due_ns = now_ns; /* who asks for all does not wait */
 }
 
+/* Why an attribute is told: a value if it changes, a quality if that does, a time with neither (7-2, 17.2.1). */
+static unsigned reasons_of(const struct iec61850_node *node)
+{
+	const unsigned always = IEC61850_INTEGRITY | IEC61850_GENERAL;
+
+	if (node == NULL)
+		return IEC61850_TRIGGERS;
+	if (node->leaf == IEC61850_QUALITY)
+		return always | IEC61850_QUALITY_CHANGE;
+	return node->leaf == IEC61850_TIME ? always : always | IEC61850_DATA_CHANGE | IEC61850_DATA_UPDATE;
+}
+
 /* Marks the point in each data set that has it. */
 static void mark_point(const struct iec61850_model *model, uint32_t point, unsigned reason, int64_t now_ns)
 {
@@ -38,14 +51,16 @@ static void mark_point(const struct iec61850_model *model, uint32_t point, unsig
 	for (uint32_t i = model->places[point].member; i != IEC61850_NO_MEMBER; i = model->members[i].next)
 		for (uint32_t j = 0; j < device->block_count; j++)
 			if (!device->blocks[j].buffered && device->blocks[j].set == model->members[i].set)
-				mark(&device->blocks[j], i - model->sets[model->members[i].set].first, reason,
-				     now_ns);
+				mark(&device->blocks[j], i - model->sets[model->members[i].set].first,
+				     reason & reasons_of(model->members[i].node), now_ns);
 }
 
-/* Why a sample is told; 0: it is not. */
-static unsigned reason_of(const struct map_sample *sample, const struct map_sample *before)
+/* Why a sample is told; 0: it is not. A counter's detail is the number of its freeze, which clients do not see. */
+static unsigned reason_of(const struct map_point *point, const struct map_sample *sample,
+			  const struct map_sample *before)
 {
-	const bool changed = sample->value.u != before->value.u || sample->detail != before->detail;
+	const bool changed = sample->value.u != before->value.u ||
+			     (point->type == MAP_STEP && sample->detail != before->detail);
 
 	return (changed ? IEC61850_DATA_CHANGE : 0) |
 	       (sample->quality != before->quality ? IEC61850_QUALITY_CHANGE : 0);
@@ -58,7 +73,7 @@ static bool keeps_updates(const struct iec61850_model *model, uint32_t point)
 
 	for (uint32_t i = 0; i < device->block_count; i++)
 		if (device->blocks[i].buffered && (device->blocks[i].triggers & IEC61850_DATA_UPDATE) &&
-		    iec61850_member_of(model, point, device->blocks[i].set) != IEC61850_NO_MEMBER)
+		    iec61850_last_member(model, point, device->blocks[i].set) != IEC61850_NO_MEMBER)
 			return true;
 	return false;
 }
@@ -68,7 +83,7 @@ static void note(struct iec61850_server *server, uint32_t point, const struct ma
 		 unsigned otherwise, int64_t now_ns)
 {
 	const struct iec61850_model *model = &server->model;
-	const unsigned changed = reason_of(sample, &model->image[point]);
+	const unsigned changed = reason_of(&model->config->points[point], sample, &model->image[point]);
 	const unsigned reason = changed != 0 ? changed : otherwise;
 
 	model->image[point] = *sample;
@@ -296,18 +311,34 @@ static int write_id(const struct ber_element *data, struct iec61850_block *block
 	return 0;
 }
 
-/* The data set is fixed: its own name may be written. */
-static int write_set(struct iec61850_server *server, const struct iec61850_object *object,
-		     const struct ber_element *data, const struct iec61850_block *block)
+static bool is_set(const struct iec61850_server *server, const struct iec61850_object *object,
+		   const struct ber_element *data, uint32_t set)
 {
-	char device[IEC61850_NAME_SIZE], set[IEC61850_NAME_SIZE], name[IEC61850_REFERENCE_SIZE];
+	char name[IEC61850_REFERENCE_SIZE];
 
-	iec61850_device_name(&server->model, object->device, device);
-	iec61850_set_name(iec61850_set_of(&server->model, block), set);
-	snprintf(name, sizeof(name), "%s/%s", device, set);
+	iec61850_set_reference(&server->model, object->device, &server->model.sets[set], name);
+	return ber_is(data, name, strlen(name));
+}
+
+/* Its own data set, or of an unbuffered block one that a client has made. */
+static int write_set(struct iec61850_server *server, const struct iec61850_object *object,
+		     const struct ber_element *data, struct iec61850_block *block)
+{
+	const struct iec61850_model *model = &server->model;
+
 	if (data->tag != IEC61850_TAG_VISIBLE_STRING)
 		return IEC61850_ACCESS_TYPE_INCONSISTENT;
-	return ber_is(data, name, strlen(name)) ? 0 : IEC61850_ACCESS_VALUE_INVALID;
+	if (is_set(server, object, data, block->own_set)) {
+		block->set = block->own_set;
+		return 0;
+	}
+	for (uint32_t i = 0; !block->buffered && i < IEC61850_LISTS; i++)
+		if (iec61850_list_is_of(&model->lists[i], object->device, server->client) &&
+		    is_set(server, object, data, model->set_count + i)) {
+			block->set = model->set_count + i;
+			return 0;
+		}
+	return IEC61850_ACCESS_VALUE_INVALID;
 }
 
 /* So many seconds the block stays its client's without an association; 0 gives it back (7-2, 17.2.3.2.2.14). */
@@ -425,6 +456,8 @@ int iec61850_block_write(struct iec61850_server *server, const struct iec61850_o
 		return IEC61850_ACCESS_DENIED;
 	if (is_of_another(server, block))
 		return IEC61850_ACCESS_UNAVAILABLE;
+	if (block->owner == NULL && iec61850_set_of(&server->model, block)->ln == NULL)
+		block->set = block->own_set; /* what an association has for itself, another has not */
 	block->owner = server->client;
 	block->peer = server->peer;
 	block->reserved_ns = 0;
@@ -499,6 +532,22 @@ static uint32_t choose(struct iec61850_server *server, const struct iec61850_blo
 	return count;
 }
 
+/* Why an entry is told of a member of the model's; 0: it is not. */
+static unsigned reason_told(const struct iec61850_server *server, const struct iec61850_block *block,
+			    const struct map_history_entry *entry, uint32_t member)
+{
+	return entry->reason & block->triggers & reasons_of(server->model.members[member].node);
+}
+
+/* Why a member of the block's set is in the report. */
+static unsigned reason_now(const struct iec61850_server *server, const struct iec61850_block *block,
+			   uint32_t member)
+{
+	return server->entry == NULL ? block->reasons[member]
+				     : reason_told(server, block, server->entry,
+						   iec61850_set_of(&server->model, block)->first + member);
+}
+
 static void put_member(struct iec61850_server *server, struct ber_writer *writer,
 		       const struct iec61850_object *object, unsigned reason)
 {
@@ -521,17 +570,17 @@ static void put_members(struct iec61850_server *server, struct ber_writer *write
 	const size_t octets = (set->count + 7) / 8;
 
 	for (uint32_t i = count; (block->options & IEC61850_REASON) && i-- > 0;)
-		iec61850_put_bits(writer, (uint16_t)(block->reasons[server->chosen[i]] << 8), 6);
+		iec61850_put_bits(writer, (uint16_t)(reason_now(server, block, server->chosen[i]) << 8), 6);
 	for (uint32_t i = count; i-- > 0 && !writer->full;) {
 		const struct iec61850_object object = iec61850_member(&server->model, set, server->chosen[i]);
 
-		put_member(server, writer, &object, block->reasons[server->chosen[i]]);
+		put_member(server, writer, &object, reason_now(server, block, server->chosen[i]));
 	}
 	for (uint32_t i = count; (block->options & IEC61850_REFERENCE) && i-- > 0 && !writer->full;) {
 		const struct iec61850_object object = iec61850_member(&server->model, set, server->chosen[i]);
 		char name[IEC61850_NAME_SIZE];
 
-		iec61850_object_name(&server->model, &object, name);
+		iec61850_variable_name(&server->model, &object, name);
 		iec61850_put_reference(writer, &server->model, device, name);
 	}
 	if (writer->full || octets + 1 > writer->at - writer->floor) {
@@ -562,7 +611,7 @@ static void put_head(struct iec61850_server *server, struct ber_writer *writer,
 {
 	const struct iec61850_model *model = &server->model;
 	const struct iec61850_set *set = iec61850_set_of(model, block);
-	char name[IEC61850_NAME_SIZE];
+	char reference[IEC61850_REFERENCE_SIZE];
 
 	if (block->options & IEC61850_SEGMENTATION) {
 		ber_put(writer, IEC61850_TAG_BOOLEAN, (const uint8_t[]){more}, 1);
@@ -575,9 +624,9 @@ static void put_head(struct iec61850_server *server, struct ber_writer *writer,
 				      server->entry != NULL ? server->entry->number : block->kept->next - 1);
 	if (block->options & IEC61850_OVERFLOW)
 		ber_put(writer, IEC61850_TAG_BOOLEAN, (const uint8_t[]){block->kept->overflow != 0}, 1);
-	iec61850_set_name(set, name);
+	iec61850_set_reference(model, object->device, set, reference);
 	if (block->options & IEC61850_SET_NAME)
-		iec61850_put_reference(writer, model, object->device, name);
+		ber_put_text(writer, IEC61850_TAG_VISIBLE_STRING, reference);
 	if (block->options & IEC61850_TIME_STAMP)
 		iec61850_put_binary_time(writer, time_of_report(server));
 	if (block->options & IEC61850_SEQUENCE)
@@ -624,7 +673,7 @@ static bool put_block(struct iec61850_server *server, struct ber_writer *writer,
 		      const struct iec61850_object *object, struct iec61850_block *block)
 {
 	const size_t end = writer->at;
-	uint32_t limit = server->model.config->point_count, count;
+	uint32_t limit = iec61850_set_of(&server->model, block)->count, count;
 	bool more;
 
 	while ((count = choose(server, block, limit, &more)) > 0) {
@@ -641,26 +690,34 @@ static bool put_block(struct iec61850_server *server, struct ber_writer *writer,
 	return false;
 }
 
-/* The member of an entry that is a report of this block. IEC61850_NO_MEMBER: it is none. */
-static uint32_t member_told(const struct iec61850_server *server, const struct iec61850_block *block,
+/* Chooses the members of an entry that are a report of this block. Returns how many. */
+static uint32_t choose_told(struct iec61850_server *server, const struct iec61850_block *block,
 			    const struct map_history_entry *entry)
 {
-	if (entry->point >= server->model.config->point_count || (entry->reason & block->triggers) == 0)
-		return IEC61850_NO_MEMBER;
-	return iec61850_member_of(&server->model, entry->point, block->set);
+	const struct iec61850_model *model = &server->model;
+	uint32_t count = 0;
+
+	if (entry->point >= model->config->point_count)
+		return 0;
+	for (uint32_t i = iec61850_last_member(model, entry->point, block->set); i != IEC61850_NO_MEMBER;
+	     i = iec61850_member_before(model, i))
+		if (reason_told(server, block, entry, i) != 0)
+			server->chosen[count++] = i - model->sets[block->set].first;
+	for (uint32_t i = 0; i < count / 2; i++) { /* the last came first */
+		const uint32_t member = server->chosen[i];
+
+		server->chosen[i] = server->chosen[count - 1 - i];
+		server->chosen[count - 1 - i] = member;
+	}
+	return count;
 }
 
 static bool put_one(struct iec61850_server *server, struct ber_writer *writer,
 		    const struct iec61850_object *object, struct iec61850_block *block,
-		    const struct map_history_entry *entry, uint32_t member)
+		    const struct map_history_entry *entry, uint32_t count)
 {
-	const uint8_t pending = block->reasons[member];
-
-	server->chosen[0] = member;
 	server->entry = entry;
-	block->reasons[member] = (uint8_t)(entry->reason & block->triggers);
-	put_report(server, writer, object, block, 1, false);
-	block->reasons[member] = pending;
+	put_report(server, writer, object, block, count, false);
 	block->kept->told_ns = time_of_report(server);
 	server->entry = NULL;
 	if (writer->full) { /* not even one member fits */
@@ -684,11 +741,10 @@ static bool put_kept(struct iec61850_server *server, struct ber_writer *writer,
 	}
 	while (kept->next != buffer->next) {
 		const struct map_history_entry *entry = iec61850_buffer_entry(buffer, kept->next);
-		const uint32_t member =
-		    entry == NULL ? IEC61850_NO_MEMBER : member_told(server, block, entry);
+		const uint32_t count = entry == NULL ? 0 : choose_told(server, block, entry);
 
-		if (member != IEC61850_NO_MEMBER) {
-			if (!put_one(server, writer, object, block, entry, member))
+		if (count > 0) {
+			if (!put_one(server, writer, object, block, entry, count))
 				return false;
 			kept->overflow = false;
 			kept->next++;

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "iec61850/value.h"
 #include "map/address.h"
 
 #define TEXT_SIZE    (6 * MAP_NAME_SIZE) /* of a name, each character an entity */
@@ -187,13 +188,31 @@ static void put_member(const struct iec61850_scl *scl, const struct iec61850_obj
 	fprintf(scl->out, " fc=\"%s\"/>\n", iec61850_fc_name(object->fc));
 }
 
+/* As daName has it: mag.f. NULL: it is all of the data object. */
+static const char *attribute_of(const struct iec61850_scl *scl, const struct iec61850_object *object,
+				char name[IEC61850_NAME_SIZE])
+{
+	char whole[IEC61850_NAME_SIZE];
+
+	if (object->node == NULL)
+		return NULL;
+	iec61850_object_name(scl->model, object, whole);
+	iec61850_variable_name(scl->model, object, name);
+	for (char *c = name; *c != '\0'; c++)
+		if (*c == '$')
+			*c = '.';
+	return name + strlen(whole) + 1;
+}
+
 static void put_set(const struct iec61850_scl *scl, const struct iec61850_set *set)
 {
+	char name[IEC61850_NAME_SIZE];
+
 	line(scl, 6, "<DataSet name=\"%s\">", set->name);
 	for (uint32_t i = 0; i < set->count; i++) {
 		const struct iec61850_object object = iec61850_member(scl->model, set, i);
 
-		put_member(scl, &object, NULL);
+		put_member(scl, &object, attribute_of(scl, &object, name));
 	}
 	line(scl, 6, "</DataSet>");
 }
@@ -334,6 +353,49 @@ static void put_addresses(const struct iec61850_scl *scl, struct iec61850_object
 			put_addressed(scl, &object, &services.nodes[i], address.command_type);
 }
 
+/* The value of an attribute that is another one for each point. False: it is none. */
+static bool setting_of(const struct iec61850_scl *scl, const struct iec61850_object *object,
+		       enum iec61850_leaf leaf, char out[TEXT_SIZE])
+{
+	const struct map_point *point = &scl->model->config->points[iec61850_point_of(scl->model, object)];
+	const struct iec61850_unit unit = iec61850_unit_of(scl->model, point);
+
+	switch (leaf) {
+	case IEC61850_SI_UNIT:
+		snprintf(out, TEXT_SIZE, "%s", iec61850_si_unit_name(unit.si));
+		return true;
+	case IEC61850_MULTIPLIER:
+		snprintf(out, TEXT_SIZE, "%s", iec61850_multiplier_name(unit.exponent));
+		return true;
+	case IEC61850_DEADBAND_REF:
+	case IEC61850_LEAST:
+	case IEC61850_MOST:
+	case IEC61850_STEP_SIZE:
+		snprintf(out, TEXT_SIZE, "%.9g", (double)iec61850_limit_of(scl->model, object, leaf));
+		return true;
+	default:
+		return false;
+	}
+}
+
+static void put_settings(const struct iec61850_scl *scl, const struct iec61850_object *object,
+			 struct iec61850_nodes inside)
+{
+	char text[TEXT_SIZE];
+
+	for (unsigned i = 0; i < inside.count; i++) {
+		const struct iec61850_node *node = &inside.nodes[i];
+
+		if (setting_of(scl, object, node->leaf, text))
+			put_value(scl, node->name, text);
+		if (node->count == 0)
+			continue;
+		line(scl, 7, "<SDI name=\"%s\">", node->name);
+		put_settings(scl, object, (struct iec61850_nodes){node->children, node->count});
+		line(scl, 7, "</SDI>");
+	}
+}
+
 static bool has_node(const struct iec61850_nodes inside, enum iec61850_leaf leaf)
 {
 	for (unsigned i = 0; i < inside.count; i++)
@@ -353,8 +415,10 @@ static void put_instance(const struct iec61850_scl *scl, const struct iec61850_o
 		return;
 	do_name(scl, object, name);
 	line(scl, 6, "<DOI name=\"%s\">", name);
-	if (is_point)
+	if (is_point) {
 		put_addresses(scl, *object);
+		put_settings(scl, object, inside_of(scl, object, IEC61850_CF));
+	}
 	iec61850_description(scl->model, object, text);
 	if (has_text)
 		put_value(scl, "d", text);
@@ -422,11 +486,13 @@ static void put_ied(const struct iec61850_scl *scl)
 	line(scl, 3, "<DataObjectDirectory/>");
 	line(scl, 3, "<GetDataSetValue/>");
 	line(scl, 3, "<DataSetDirectory/>");
+	line(scl, 3, "<DynDataSet max=\"%d\" maxAttributes=\"%d\"/>", IEC61850_LISTS, IEC61850_LIST_MEMBERS);
 	line(scl, 3, "<ReadWrite/>");
 	line(scl, 3, "<ConfReportControl max=\"%u\"/>", scl->model->block_count);
 	line(scl, 3, "<GetCBValues/>");
+	line(scl, 3, "<FileHandling mms=\"true\"/>");
 	line(scl, 3,
-	     "<ReportSettings cbName=\"Fix\" datSet=\"Fix\" rptID=\"Dyn\" optFields=\"Dyn\" bufTime=\"Dyn\" "
+	     "<ReportSettings cbName=\"Fix\" datSet=\"Dyn\" rptID=\"Dyn\" optFields=\"Dyn\" bufTime=\"Dyn\" "
 	     "trgOps=\"Dyn\" intgPd=\"Dyn\" resvTms=\"true\" owner=\"true\"/>");
 	if (scl->goose_count > 0)
 		line(scl, 3, "<GOOSE max=\"%u\"/>", scl->goose_count);
@@ -465,9 +531,25 @@ static const struct {
 				 0},
     [IEC61850_ORIGINATOR_KIND] = {"OriginatorCategoryKind",
 				  {"not-supported", "bay-control", "station-control", "remote-control",
-				   "automatic-bay", "automatic-station"},
+				   "automatic-bay", "automatic-station", "automatic-remote", "maintenance",
+				   "process"},
 				  0},
+    [IEC61850_SI_UNIT_KIND] = {"SIUnitKind", {NULL}, 0},
+    [IEC61850_MULTIPLIER_KIND] = {"MultiplierKind", {NULL}, 0},
 };
+
+/* What a number means. NULL: there is no such number. */
+static const char *literal(unsigned kind, int number)
+{
+	const int place = number - enumerations[kind].first;
+
+	if (kind == IEC61850_SI_UNIT_KIND)
+		return iec61850_si_unit_name(number);
+	if (kind == IEC61850_MULTIPLIER_KIND)
+		return iec61850_multiplier_name(number);
+	return place >= 0 && place < (int)COUNT(enumerations[kind].values) ? enumerations[kind].values[place]
+									   : NULL;
+}
 
 /* The name of a data object's type: its class, and what of it is another one in some. */
 static void type_id(const struct iec61850_class *class, char out[ID_SIZE])
@@ -477,7 +559,9 @@ static void type_id(const struct iec61850_class *class, char out[ID_SIZE])
 		snprintf(out, ID_SIZE, "%s_%s", class->name, enumerations[class->enumeration].name);
 	else if (class->controllable)
 		snprintf(out, ID_SIZE, "%s_%s", class->name,
-			 enumerations[IEC61850_CTL_MODEL_KIND].values[class->control]);
+			 literal(IEC61850_CTL_MODEL_KIND, (int)class->control));
+	snprintf(out + strlen(out), ID_SIZE - strlen(out), "%s%s", class->has_limits ? "_limits" : "",
+		 class->has_unit ? "_units" : "");
 }
 
 /* The basic type of an attribute (IEC 61850-6, table 46). */
@@ -493,6 +577,8 @@ static const char *basic_type(enum iec61850_leaf leaf)
 	case IEC61850_ENUM:
 	case IEC61850_DIRECTION:
 	case IEC61850_CTL_MODEL:
+	case IEC61850_SI_UNIT:
+	case IEC61850_MULTIPLIER:
 		return "Enum";
 	case IEC61850_STEP:
 		return "INT8";
@@ -500,8 +586,14 @@ static const char *basic_type(enum iec61850_leaf leaf)
 		return "INT32";
 	case IEC61850_TOTAL:
 		return "INT64";
+	case IEC61850_DEADBAND:
+		return "INT32U";
 	case IEC61850_FLOAT:
 	case IEC61850_UNIT:
+	case IEC61850_DEADBAND_REF:
+	case IEC61850_LEAST:
+	case IEC61850_MOST:
+	case IEC61850_STEP_SIZE:
 		return "FLOAT32";
 	case IEC61850_QUALITY:
 		return "Quality";
@@ -534,6 +626,10 @@ static enum iec61850_enumeration enumeration_of(const struct iec61850_node *node
 		return IEC61850_CTL_MODEL_KIND;
 	if (node->leaf == IEC61850_DIRECTION)
 		return IEC61850_DIRECTION_KIND;
+	if (node->leaf == IEC61850_SI_UNIT)
+		return IEC61850_SI_UNIT_KIND;
+	if (node->leaf == IEC61850_MULTIPLIER)
+		return IEC61850_MULTIPLIER_KIND;
 	return strcmp(node->name, "orCat") == 0 ? IEC61850_ORIGINATOR_KIND : class->enumeration;
 }
 
@@ -542,7 +638,7 @@ static const char *constant_of(const struct iec61850_node *node, const struct ie
 {
 	switch (node->leaf) {
 	case IEC61850_CTL_MODEL:
-		return enumerations[IEC61850_CTL_MODEL_KIND].values[class->control];
+		return literal(IEC61850_CTL_MODEL_KIND, (int)class->control);
 	case IEC61850_VENDOR:
 		return "OpenRTU";
 	case IEC61850_REVISION:
@@ -551,6 +647,8 @@ static const char *constant_of(const struct iec61850_node *node, const struct ie
 		return IEC61850_DATA_NAME_SPACE;
 	case IEC61850_UNIT:
 		return "1";
+	case IEC61850_DEADBAND:
+		return "100000"; /* IEC61850_DEADBAND_WHOLE */
 	default:
 		return NULL;
 	}
@@ -677,10 +775,9 @@ static void put_enumerations(const struct iec61850_scl *scl)
 {
 	for (unsigned i = IEC61850_NO_ENUMERATION + 1; i < IEC61850_ENUMERATIONS; i++) {
 		line(scl, 2, "<EnumType id=\"%s\">", enumerations[i].name);
-		for (unsigned j = 0; j < COUNT(enumerations[i].values) && enumerations[i].values[j] != NULL;
-		     j++)
-			line(scl, 3, "<EnumVal ord=\"%d\">%s</EnumVal>", enumerations[i].first + (int)j,
-			     enumerations[i].values[j]);
+		for (int number = IEC61850_EXPONENT_MIN; number <= IEC61850_SI_UNIT_MAX; number++)
+			if (literal(i, number) != NULL)
+				line(scl, 3, "<EnumVal ord=\"%d\">%s</EnumVal>", number, literal(i, number));
 		line(scl, 2, "</EnumType>");
 	}
 }

@@ -13,7 +13,8 @@ enum { COMPONENTS = 0xa1, COMPONENT_NAME = 0x80, COMPONENT_TYPE = 0xa1, FLOAT_TY
 
 #define DAYS_TO_1984   5113 /* from 1970: binary times count from there */
 #define TEXT_MAX       255
-#define EXPONENT_WIDTH 8 /* of a number of 32 bits after IEEE 754 */
+#define NORMALIZED_ONE 32768 /* what a normalized value of 1 is in the map */
+#define EXPONENT_WIDTH 8     /* of a number of 32 bits after IEEE 754 */
 
 /* Values of Mod, Beh, Health (IEC 61850-7-3, 7-4). */
 enum { TRANSIENT_BIT = 1 }; /* of a step position's detail */
@@ -96,7 +97,7 @@ static void set_sample(const struct iec61850_model *model, const struct map_poin
 		out->number = point->type == MAP_INTEGER ? sample.value.i : 0;
 		out->real = (float)map_number(point->type, sample.value);
 		if (point->type == MAP_NORMALIZED)
-			out->real /= 32768;
+			out->real /= NORMALIZED_ONE;
 		break;
 	}
 	out->transient = point->type == MAP_STEP && (sample.detail & TRANSIENT_BIT) != 0;
@@ -193,6 +194,17 @@ void iec61850_put_reference(struct ber_writer *writer, const struct iec61850_mod
 	ber_put_text(writer, IEC61850_TAG_VISIBLE_STRING, text);
 }
 
+void iec61850_set_reference(const struct iec61850_model *model, const struct iec61850_device *device,
+			    const struct iec61850_set *set, char out[IEC61850_REFERENCE_SIZE])
+{
+	char ld[IEC61850_NAME_SIZE], name[IEC61850_NAME_SIZE];
+
+	iec61850_device_name(model, device, ld);
+	iec61850_set_name(set, name);
+	snprintf(out, IEC61850_REFERENCE_SIZE, "%s%s%s", set->ln == NULL ? "@" : ld,
+		 set->ln == NULL ? "" : "/", name);
+}
+
 void iec61850_put_binary_time(struct ber_writer *writer, int64_t wall_ns)
 {
 	const int64_t day_ms = S_PER_DAY * MS_PER_S, first_ms = DAYS_TO_1984 * day_ms;
@@ -239,6 +251,29 @@ static enum iec61850_ctl_kind control_model(const struct iec61850_model *model,
 	return point == MAP_NONE ? IEC61850_STATUS_ONLY : iec61850_ctl_model(model, point);
 }
 
+static const struct map_point *config_of(const struct iec61850_model *model,
+					 const struct iec61850_object *object)
+{
+	return &model->config->points[iec61850_point_of(model, object)];
+}
+
+static struct iec61850_unit unit_of(const struct iec61850_model *model, const struct iec61850_object *object)
+{
+	return iec61850_unit_of(model, config_of(model, object));
+}
+
+float iec61850_limit_of(const struct iec61850_model *model, const struct iec61850_object *object,
+			enum iec61850_leaf leaf)
+{
+	const struct map_point *point = config_of(model, object);
+	const float value = leaf == IEC61850_LEAST       ? point->min
+			    : leaf == IEC61850_MOST      ? point->max
+			    : leaf == IEC61850_STEP_SIZE ? point->step
+							 : point->deadband;
+
+	return point->type == MAP_NORMALIZED ? value / NORMALIZED_ONE : value;
+}
+
 /* The address of the client that has the block, or for which it is kept: 4 octets or 16; nobody: none (7-2, 17.2.2.16). */
 static void put_owner(struct ber_writer *writer, const struct iec61850_block *block)
 {
@@ -255,7 +290,7 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		     const struct iec61850_node *node, const struct state *state)
 {
 	const size_t end = writer->at;
-	char number[11], name[IEC61850_NAME_SIZE];
+	char number[11], reference[IEC61850_REFERENCE_SIZE];
 
 	switch (node->leaf) {
 	case IEC61850_STRUCTURE:
@@ -293,6 +328,21 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		return;
 	case IEC61850_UNIT:
 		put_float(writer, 1.0f);
+		return;
+	case IEC61850_SI_UNIT:
+		ber_put_integer(writer, IEC61850_TAG_INTEGER, unit_of(model, state->object).si);
+		return;
+	case IEC61850_MULTIPLIER:
+		ber_put_integer(writer, IEC61850_TAG_INTEGER, unit_of(model, state->object).exponent);
+		return;
+	case IEC61850_DEADBAND:
+		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, IEC61850_DEADBAND_WHOLE);
+		return;
+	case IEC61850_DEADBAND_REF:
+	case IEC61850_LEAST:
+	case IEC61850_MOST:
+	case IEC61850_STEP_SIZE:
+		put_float(writer, iec61850_limit_of(model, state->object, node->leaf));
 		return;
 	case IEC61850_CTL_MODEL:
 		ber_put_integer(writer, IEC61850_TAG_INTEGER, control_model(model, state->object));
@@ -335,8 +385,9 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		iec61850_put_block_id(writer, model, state->object, state->block);
 		return;
 	case IEC61850_DAT_SET:
-		iec61850_set_name(iec61850_set_of(model, state->block), name);
-		iec61850_put_reference(writer, model, state->object->device, name);
+		iec61850_set_reference(model, state->object->device, iec61850_set_of(model, state->block),
+				       reference);
+		ber_put_text(writer, IEC61850_TAG_VISIBLE_STRING, reference);
 		return;
 	case IEC61850_RPT_ENA:
 		ber_put(writer, IEC61850_TAG_BOOLEAN, (const uint8_t[]){state->block->enabled}, 1);
@@ -396,6 +447,10 @@ void iec61850_put_sample(struct ber_writer *writer, const struct iec61850_model 
 	set_sample(model, &model->config->points[iec61850_point_of(model, object)], *sample, &state);
 	if (time != MAP_TIME_MONOTONIC)
 		set_former_time(sample->time_ns, time, &state);
+	if (object->node != NULL) {
+		put_node(writer, model, object->node, &state);
+		return;
+	}
 	for (unsigned i = inside.count; i-- > 0;)
 		put_node(writer, model, &inside.nodes[i], &state);
 	ber_close(writer, IEC61850_TAG_STRUCTURE, end);
@@ -507,6 +562,8 @@ static void put_node_type(struct ber_writer *writer, const struct iec61850_node 
 	case IEC61850_STEP:
 	case IEC61850_DIRECTION:
 	case IEC61850_CTL_MODEL:
+	case IEC61850_SI_UNIT:
+	case IEC61850_MULTIPLIER:
 		ber_put_integer(writer, IEC61850_TAG_INTEGER, 8);
 		return;
 	case IEC61850_INTEGER:
@@ -517,6 +574,10 @@ static void put_node_type(struct ber_writer *writer, const struct iec61850_node 
 		return;
 	case IEC61850_FLOAT:
 	case IEC61850_UNIT:
+	case IEC61850_DEADBAND_REF:
+	case IEC61850_LEAST:
+	case IEC61850_MOST:
+	case IEC61850_STEP_SIZE:
 		ber_put_integer(writer, BER_INTEGER, EXPONENT_WIDTH);
 		ber_put_integer(writer, BER_INTEGER, 32);
 		ber_close(writer, FLOAT_TYPE, end);
@@ -561,6 +622,7 @@ static void put_node_type(struct ber_writer *writer, const struct iec61850_node 
 	case IEC61850_CONF_REV:
 	case IEC61850_BUF_TM:
 	case IEC61850_INTG_PD:
+	case IEC61850_DEADBAND:
 		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, 32);
 		return;
 	case IEC61850_LONG_SQ_NUM:

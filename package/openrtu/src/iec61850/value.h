@@ -9,12 +9,21 @@
 /* A UtcTime: seconds, a fraction of 24 bits, the quality of the clock (IEC 61850-8-1, 8.1.3.7). wall_ns 0: there is no time yet. */
 void iec61850_time_of(int64_t wall_ns, const struct map_clock *clock, uint8_t out[8]);
 
+/* db: all of dbRef, in thousandths of a percent. */
+enum { IEC61850_DEADBAND_WHOLE = 100000 };
+/* dbRef, and what a set-point may be, in what its value is shown in. */
+float iec61850_limit_of(const struct iec61850_model *model, const struct iec61850_object *object,
+			enum iec61850_leaf leaf);
+
 /* Puts a variable's value. False: it cannot be read now; what was put is of no use then. */
 bool iec61850_put_value(struct ber_writer *writer, const struct iec61850_model *model,
 			const struct iec61850_object *object);
 /* The same of a point's data object with this sample, whose time is that (enum map_event_time). */
 void iec61850_put_sample(struct ber_writer *writer, const struct iec61850_model *model,
 			 const struct iec61850_object *object, const struct map_sample *sample, uint8_t time);
+/* The reference of a data set, as DatSet has it: LD/LLN0$status, or @name of an association's own. */
+void iec61850_set_reference(const struct iec61850_model *model, const struct iec61850_device *device,
+			    const struct iec61850_set *set, char out[IEC61850_REFERENCE_SIZE]);
 void iec61850_put_bits(struct ber_writer *writer, uint16_t bits, unsigned count);
 /* Puts the reference of a variable's logical device, /, and a name in it. */
 void iec61850_put_reference(struct ber_writer *writer, const struct iec61850_model *model,

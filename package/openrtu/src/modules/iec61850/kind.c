@@ -60,13 +60,23 @@ static bool same_records(const struct map_config *a, const struct map_config *b,
 	       (count == 0 || memcmp(map_records(a, id, size), map_records(b, id, size), count * size) == 0);
 }
 
+/* Points that are as many have the same numbers, or the module starts again for their sake. */
+static bool same_units(const struct map_config *a, const struct map_config *b)
+{
+	for (uint32_t i = 0; i < a->point_count && i < b->point_count; i++)
+		if (strcmp(map_unit_of(a, &a->points[i]), map_unit_of(b, &b->points[i])) != 0)
+			return false;
+	return true;
+}
+
 static bool same(const struct map_config *a, const struct map_config *b, uint32_t module, const char *name)
 {
 	(void)module, (void)name;
 	return memcmp(iec61850_settings(a), iec61850_settings(b), sizeof(struct iec61850_settings)) == 0 &&
+	       same_units(a, b) &&
 	       same_records(a, b, IEC61850_ASSIGNMENTS, sizeof(struct iec61850_assignment)) &&
 	       same_records(a, b, IEC61850_DATA_SETS, sizeof(struct iec61850_data_set)) &&
-	       same_records(a, b, IEC61850_MEMBERS, sizeof(uint32_t)) &&
+	       same_records(a, b, IEC61850_MEMBERS, sizeof(struct iec61850_chosen)) &&
 	       same_records(a, b, IEC61850_REPORTS, sizeof(struct iec61850_report));
 }
 

@@ -14,6 +14,7 @@
 #include "iec61850/control.h"
 #include "iec61850/report.h"
 #include "map/address.h"
+#include "modules/iec61850/file.h"
 #include "modules/module.h"
 
 #define IDLE_MS            250
@@ -51,8 +52,7 @@ static void end(struct connection *connection, enum iec61850_end why)
 	if (connection->association.associated || why != IEC61850_RELEASED)
 		map_log(map, why == IEC61850_RELEASED ? MAP_LOG_INFO : MAP_LOG_WARNING, "%s: %s",
 			connection->peer, texts[why]);
-	iec61850_blocks_release(&server, &connection->association);
-	iec61850_controls_release(&server, &connection->association);
+	iec61850_association_end(&connection->association, &server);
 	close(connection->fd);
 	connection->fd = -1;
 }
@@ -366,10 +366,11 @@ static bool start(void)
 	server.map = map;
 	scratch = malloc(IEC61850_MESSAGE_SIZE(settings->max_pdu));
 	server.names = malloc(settings->max_pdu);
-	server.chosen = calloc(map_config(map)->point_count + 1, sizeof(*server.chosen));
+	server.chosen = calloc(server.model.longest_set, sizeof(*server.chosen));
 	for (uint32_t i = 0; i < settings->associations; i++)
 		begun = begin_connection(&connections[i], settings->max_pdu) && begun;
 	if (begun && scratch != NULL && server.names != NULL && server.chosen != NULL) {
+		file_make(&server, map);
 		map_cursor_to_end(map, &cursor);
 		iec61850_report_begin(&server, server.stats, &cursor, start_number());
 		return true;

@@ -1,0 +1,13 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The model in SCL, with what other rooms know of it: addresses of IEC 60870-5-104, control blocks of GOOSE. */
+#ifndef OPENRTU_MODULES_IEC61850_CID_H
+#define OPENRTU_MODULES_IEC61850_CID_H
+
+#include <stdio.h>
+
+#include "iec61850/model.h"
+
+/* configured: a CID of this IED; else an ICD. said: what is left out, and why; NULL: nobody wants to know. */
+void cid_write(FILE *out, const struct iec61850_model *model, bool configured, FILE *said);
+
+#endif
