@@ -315,19 +315,7 @@ def enable(client: Client, options: int, *triggers: str, block: str = BLOCK, **m
 
 
 def members(client: Client, list_name: str) -> list[str]:
-    asked = mms.element(mms.LIST_ATTRIBUTES, mms.name(DEVICE, list_name))
-    tag, ((_, content),) = client.ask(asked)
-    assert tag == mms.RESPONSE
-    (_, deletable), (_, listed) = mms.elements(content)
-    assert deletable == b"\0"
-    found = []
-    for _, variable in mms.elements(listed):
-        ((_, named),) = mms.elements(variable)
-        ((_, specific),) = mms.elements(named)
-        (_, domain), (_, item) = mms.elements(specific)
-        assert domain.decode() == DEVICE
-        found.append(item.decode())
-    return found
+    return client.members(DEVICE, list_name)
 
 
 def included(report: list[tuple[int, bytes]], at: int) -> list[int]:

@@ -283,3 +283,18 @@ class Client:
         assert tag == RESPONSE, tag
         ((_, results),) = elements(content)
         return elements(results)
+
+    def members(self, domain: str, list_name: str) -> list[str]:
+        """Of a data set that no client has made; all are of its domain."""
+        tag, ((_, content),) = self.ask(element(LIST_ATTRIBUTES, name(domain, list_name)))
+        assert tag == RESPONSE
+        (_, deletable), (_, listed) = elements(content)
+        assert deletable == b"\0"
+        found = []
+        for _, variable in elements(listed):
+            ((_, named),) = elements(variable)
+            ((_, specific),) = elements(named)
+            (_, of), (_, item) = elements(specific)
+            assert of.decode() == domain
+            found.append(item.decode())
+        return found
