@@ -598,6 +598,7 @@ bench: build qemu uboot build/root/gateway-tls.done build/net-snmp-agent/done $(
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/reload.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/module_scans.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/managers.py
+	PYTHONPATH=scripts $(PYTHON) $(BENCH)/mms_servers.py
 	scripts/build-dtb.sh $(DTS) $(DTB)
 	$(PYTHON) $(BENCH)/pins.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/tftp.py

@@ -61,7 +61,7 @@ REACH = [
     ("docs/figures/blocks.svg", "tests/test_logic_blocks.py"),
     ("docs/figures/blocks/*", "tests/test_logic_blocks.py"),
     ("docs/figures/*", "tests/pins/test_picture.py tests/netboot/test_netboot_docs.py"),
-    ("docs/goose.md", "tests/test_goose.py"),
+    ("docs/goose.md", "tests/test_goose*.py"),
     ("docs/web.md", "tests/test_docs_commands.py"),
     ("docs/snmp.md", "tests/test_snmp.py"),
     ("docs/examples/snmp/*", "tests/test_snmp.py"),
@@ -129,6 +129,7 @@ REACH = [
     (
         "scripts/lab/manager.py",
         "lint tests/test_snmp.py tests/test_reload.py tests/test_reload_running.py tests/test_show.py "
+        "tests/test_same_events.py "
         "tests/linux/test_system_tls.py",
     ),
     ("scripts/lab/managed.py", "lint tests/test_show.py tests/linux/test_run.py"),
@@ -172,12 +173,13 @@ REACH = [
     ("tests/linesim/*", f"lint {DESK} {ON_BOARD}"),
     ("tests/peers/centre_consumer.py", "tests/test_centre.py tests/test_position_object.py"),
     ("tests/peers/outstation.py", "tests/test_outstations*.py tests/test_centre.py"),
-    ("tests/peers/goose.py", "tests/test_goose.py"),
+    ("tests/peers/goose*.py", "tests/test_goose*.py"),
     ("tests/peers/ddi.py", "tests/image/test_pull.py tests/linux/test_update_board.py"),
+    ("tests/peers/mms.py", f"{DESK} tests/linux/test_network.py"),
     ("tests/peers/*", f"{DESK} {ON_BOARD} test-netboot"),
     ("tests/desk.py", f"{DESK} {ON_BOARD}"),
     ("tests/bare.py", DESK),
-    ("tests/capture.py", f"{DESK} tests/centre/test_centre_higher.py"),
+    ("tests/capture.py", f"{DESK} tests/centre/test_centre_higher.py tests/linux/test_network.py"),
     ("tests/changed.py", "tests/test_changed.py"),
     ("tests/logic_reference.py", "tests/test_logic.py tests/test_logic_findings.py"),
     ("tests/logic_findings.py", "tests/test_logic.py tests/test_logic_findings.py"),

@@ -6,6 +6,8 @@ written as the packets it could have been.
 """
 
 import contextlib
+import ipaddress
+import itertools
 import os
 import socket
 import struct
@@ -23,6 +25,8 @@ MASTERS_PORT = 40000
 START, APDU_LEAST = 0x68, 4
 NEGATIVE = 0x40  # P/N beside the cause
 TLS_HANDSHAKE = b"\x16\x03"
+FIRST_MASTER = 0x0A000001  # of their IP addresses
+PAYLOAD_MAX = 2048  # of a packet: tshark takes no more than some hundred PDUs in one
 LINKTYPE_RAW = 101  # an IP packet without anything before it
 PCAP_HEAD = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 262144, LINKTYPE_RAW)
 FIELDS = ("frame.number", "frame.protocols", "_ws.malformed", "_ws.expert.message")
@@ -149,7 +153,7 @@ def unrecorded(gateway: Rtu) -> Iterator[None]:
 
 def packet_of(by_station: bool, connection: int, sequence: int, acknowledged: int, payload: bytes) -> bytes:
     """IPv4 and TCP, without the checksums, which tshark does not look at; a master each connection."""
-    master, station = struct.pack(">I", 0x0A000001 + connection), bytes((192, 0, 2, 1))
+    master, station = struct.pack(">I", FIRST_MASTER + connection), bytes((192, 0, 2, 1))
     addresses = station + master if by_station else master + station
     ports = (PORT, MASTERS_PORT) if by_station else (MASTERS_PORT, PORT)
     ip = struct.pack(">BBHHHBBH", 0x45, 0, 40 + len(payload), 0, 0, 64, 6, 0) + addresses
@@ -225,3 +229,42 @@ def dissect(connections: list[Connection], pcap: Path) -> tuple[int, list[Findin
         allowed = not by_station and (connection.closed_by_station is True or _is_refused(frame, replies))
         findings.append(Finding(connection.test, by_station, allowed, frame, text))
     return len(frames), findings
+
+
+# ---- MMS -------------------------------------------------------------------------------------------
+
+
+def _joined(pieces: list[tuple[bool, bytes]]) -> Iterator[tuple[bool, bytes]]:
+    """Those of one sender that follow each other, as large as packets are."""
+    for by_server, group in itertools.groupby(pieces, key=lambda piece: piece[0]):
+        octets = b"".join(piece for _, piece in group)
+        for at in range(0, len(octets), PAYLOAD_MAX):
+            yield by_server, octets[at : at + PAYLOAD_MAX]
+
+
+def dissect_mms(connections: list[Connection], pcap: Path) -> tuple[list[str], list[str]]:
+    """The services that MMS servers have answered, "" for a report, and what tshark finds wrong in what they have sent."""
+    count = 0
+    with pcap.open("wb") as file:
+        file.write(PCAP_HEAD)
+        for number, connection in enumerate(connections):
+            sent = {True: 1, False: 1}
+            for by_server, piece in _joined(list(connection.pieces)):
+                packet = packet_of(by_server, number, sent[by_server], sent[not by_server], piece)
+                file.write(record_of(packet, count))
+                sent[by_server] += len(piece)
+                count += 1
+    fields = ["ip.dst", "mms.confirmedServiceResponse", *FIELDS]
+    options = [word for name in fields for word in ("-e", name)]
+    command = ["tshark", "-r", pcap, "-d", f"tcp.port=={PORT},tpkt", "-Y", f"tcp.srcport == {PORT}"]
+    command += ["-T", "fields", *options]
+    rows = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
+    answered, findings = [], []
+    for row in rows:
+        client, service, frame, protocols, malformed, messages = row.split("\t")
+        if "mms" in protocols:
+            answered += service.split(",")
+        if malformed or messages:
+            number = int(ipaddress.ip_address(client)) - FIRST_MASTER
+            findings.append(f"{connections[number].test}: frame {frame}: {messages or malformed}")
+    return answered, findings

@@ -15,6 +15,7 @@ import capture
 from areas import AREAS, area_of
 from desk import Desk, chapter_5, desk_of
 from lab.turns import take_short_turns
+from peers import mms
 from times import Times
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -167,11 +168,13 @@ def desk(programs: Path) -> Iterator[Desk]:
 
 @pytest.fixture(scope="session", autouse=True)
 def every_frame_is_dissected(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """What masters and stations said to each other in this session, as tshark reads it."""
+    """What masters, clients and stations said to each other in this session, as tshark reads it."""
     yield
-    if not capture.RECORD:
-        return
-    pcap = tmp_path_factory.mktemp("capture") / "iec104.pcap"
-    _, findings = capture.dissect(capture.RECORD, pcap)
-    wrong = [str(finding) for finding in findings if not finding.allowed]
-    assert not wrong, f"in {pcap}: " + "\n".join(wrong[:20])
+    wrong: list[str] = []
+    folder = tmp_path_factory.mktemp("capture")
+    if capture.RECORD:
+        _, findings = capture.dissect(capture.RECORD, folder / "iec104.pcap")
+        wrong = [str(finding) for finding in findings if not finding.allowed]
+    if mms.RECORD:
+        wrong += capture.dissect_mms(mms.RECORD, folder / "mms.pcap")[1]
+    assert not wrong, f"in {folder}: " + "\n".join(wrong[:20])

@@ -7,19 +7,16 @@ import random
 import re
 import socket
 import subprocess
-import sys
-import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from queue import Empty, Queue
-from threading import Thread
 from typing import Any
 
 import pytest
 
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.modules import place, program
+from peers.goose_peer import Peer, peer
 
 pytestmark = pytest.mark.slow
 
@@ -72,46 +69,6 @@ def config(directory: Path) -> dict[str, Any]:
     ]
     goose = {"interface": INTERFACE, "publish": [published, tagged], "subscribe": [copy, relay]}
     return {"port": [], "modules": [bay], "goose": goose}
-
-
-@dataclass
-class Peer:
-    """libiec61850, in a process of its own."""
-
-    process: subprocess.Popen[str]
-    lines: Queue[str] = field(default_factory=Queue)
-
-    def __post_init__(self) -> None:
-        Thread(target=self._read, daemon=True).start()
-
-    def _read(self) -> None:
-        assert self.process.stdout is not None
-        for line in self.process.stdout:
-            self.lines.put(line)
-
-    def say(self, state: list[Any] | None) -> None:
-        assert self.process.stdin is not None
-        self.process.stdin.write(json.dumps(state) + "\n")
-        self.process.stdin.flush()
-        assert self.lines.get(timeout=PATIENCE_S) == "sent\n"
-
-    def wait(self, wanted: Callable[[dict[str, Any]], bool], what: str) -> dict[str, Any]:
-        """The first message from now on that is as wanted."""
-        end = time.monotonic() + PATIENCE_S
-        last: dict[str, Any] = {}
-        while True:
-            try:
-                last = json.loads(self.lines.get(timeout=end - time.monotonic()))
-            except (Empty, ValueError):
-                raise AssertionError(f"{what} was not heard; last: {last}") from None
-            if wanted(last):
-                return last
-
-
-def peer(deed: str, *arguments: str) -> Peer:
-    command = [sys.executable, "-m", "peers.goose", deed, INTERFACE, *arguments]
-    return Peer(subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-                                 cwd=Path(__file__).parent))  # fmt: skip
 
 
 @dataclass
@@ -177,14 +134,14 @@ def bay(running: Bay) -> Bay:
 
 @pytest.fixture(scope="module")
 def hearer(running: Bay) -> Iterator[Peer]:
-    other = peer("hear", OWN, str(OWN_APP_ID))
+    other = peer("hear", INTERFACE, OWN, str(OWN_APP_ID))
     yield other
     other.process.kill()
 
 
 @pytest.fixture(scope="module")
 def speaker() -> Iterator[Peer]:
-    other = peer("say", RELAY, str(RELAY_APP_ID), "--data-set", RELAY_DATA, "--alive-ms", "3000")
+    other = peer("say", INTERFACE, RELAY, str(RELAY_APP_ID), "--data-set", RELAY_DATA, "--alive-ms", "3000")
     yield other
     other.process.kill()
 

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 from iec61850 import FC, ClientReport, IedConnection, RcbWriteMask, ReportOptFlds, TriggerOptions
 
-from capture import PCAP_HEAD, Connection, packet_of, record_of
+from capture import Connection, dissect_mms
 from capture import Relay as Recorder
 from desk import Desk, chapter_5, desk_of
 from lab.gateway import free_port
@@ -163,27 +163,6 @@ def command_once(client: Client) -> None:
     assert client.termination()[0] == ["GGIO1$CO$SPCSO101$Oper"]
 
 
-def understood(record: list[Connection], folder: Path) -> list[str]:
-    """What tshark says of each recorded piece, which it understands: its protocols, what is answered."""
-    pcap, count = folder / "mms.pcap", 0
-    with pcap.open("wb") as file:
-        file.write(PCAP_HEAD)
-        for number, connection in enumerate(record):
-            sent = {True: 1, False: 1}
-            for by_station, piece in list(connection.pieces):
-                packet = packet_of(by_station, number, sent[by_station], sent[not by_station], piece)
-                file.write(record_of(packet, count))
-                sent[by_station] += len(piece)
-                count += 1
-    names = ("_ws.malformed", "_ws.expert.message", "mms.confirmedServiceResponse", "frame.protocols")
-    fields = [word for name in names for word in ("-e", name)]
-    command = ["tshark", "-r", pcap, "-d", "tcp.port==2404,tpkt", "-T", "fields", *fields]
-    lines = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
-    assert len(lines) == count
-    assert [line for line in lines if line.split("\t")[0] or line.split("\t")[1]] == []
-    return lines
-
-
 @pytest.mark.slow
 def test_tshark_understands_every_frame(site: Site, tmp_path: Path) -> None:
     browsed(site.recorder.address[1])
@@ -207,8 +186,9 @@ def test_tshark_understands_every_frame(site: Site, tmp_path: Path) -> None:
         client.send(mms.tpkt(mms.data(bytes([mms.CONCLUDE, 0]))))
         while client.mms()[0] == mms.REPORT:
             pass
-    lines = understood(site.record, tmp_path)
-    assert sum("mms" in line for line in lines) > 50
+    answered, findings = dissect_mms(site.record, tmp_path / "mms.pcap")
+    assert findings == []
+    assert len(answered) > 50
 
 
 # ---- names and types --------------------------------------------------------------------------------
@@ -312,19 +292,7 @@ def enable(client: Client, options: int, *triggers: str, block: str = BLOCK, **m
 
 
 def members(client: Client, list_name: str) -> list[str]:
-    asked = mms.element(mms.LIST_ATTRIBUTES, mms.name(DEVICE, list_name))
-    tag, ((_, content),) = client.ask(asked)
-    assert tag == mms.RESPONSE
-    (_, deletable), (_, listed) = mms.elements(content)
-    assert deletable == b"\0"
-    found = []
-    for _, variable in mms.elements(listed):
-        ((_, named),) = mms.elements(variable)
-        ((_, specific),) = mms.elements(named)
-        (_, domain), (_, item) = mms.elements(specific)
-        assert domain.decode() == DEVICE
-        found.append(item.decode())
-    return found
+    return client.members(DEVICE, list_name)
 
 
 def included(report: list[tuple[int, bytes]], at: int) -> list[int]:

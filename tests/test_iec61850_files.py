@@ -10,11 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from capture import Connection, Relay
+from capture import Connection, Relay, dissect_mms
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from peers import mms
 from peers.mms import Client, element
-from test_iec61850 import understood
 from test_iec61850_scl import site_config
 
 TESTS = Path(__file__).resolve().parent
@@ -169,4 +168,6 @@ def test_libiec61850_takes_it(gateway: Gateway, file: bytes, tmp_path: Path) -> 
     ((name, (size, changed_ms)),) = json.loads(run.stdout).items()
     assert (name, size) == (NAME, len(file)) and changed_ms > 1.6e12
     assert (tmp_path / NAME).read_bytes() == file
-    assert {"72", "73", "74", "77"} <= {line.split("\t")[2] for line in understood(record, tmp_path)}
+    answered, findings = dissect_mms(record, tmp_path / "mms.pcap")
+    assert findings == []
+    assert {"72", "73", "74", "77"} <= set(answered)

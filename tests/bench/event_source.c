@@ -2,7 +2,7 @@
 /*
  * Stands in the place of rtu-modbus, so that no line bounds how fast values change: all points are good at once. A
  * set-point for a register, in tens a second, makes events at that rate for a second, EVENTS_MAX at most. They
- * count the input registers upwards, one after the other.
+ * count the input registers upwards, one after the other; those of a device that are due are published together.
  */
 #include <getopt.h>
 #include <poll.h>
@@ -14,14 +14,15 @@
 #include "map/map.h"
 #include "modbus/config.h"
 
-#define EVENTS_MAX 100000
-#define PERIOD_MS  1 /* between two looks at the clock */
-#define NS_PER_S   1000000000LL
-#define BATCH_MAX  256
+#define EVENTS_MAX    100000
+#define PERIOD_MS     1 /* between two looks at the clock */
+#define NS_PER_S      1000000000LL
+#define BATCH_MAX     256
+#define REGISTERS_MAX 8192
 
 static struct map *map;
 static const struct map_config *config;
-static uint32_t first_register, register_count;
+static uint32_t registers[REGISTERS_MAX], register_count;
 static uint32_t wanted, made, rate; /* events of this run, so far, a second */
 static uint32_t runs; /* each begins at another register, so that none is given the value that it has */
 static int64_t begun_ns;
@@ -39,12 +40,9 @@ static void publish_all(void)
 
 static void find_registers(void)
 {
-	for (uint32_t i = 0; i < config->point_count; i++) {
-		if (modbus_points(config)[i].table != MODBUS_INPUT_REGISTERS)
-			continue;
-		if (register_count++ == 0)
-			first_register = i;
-	}
+	for (uint32_t i = 0; i < config->point_count && register_count < REGISTERS_MAX; i++)
+		if (modbus_points(config)[i].table == MODBUS_INPUT_REGISTERS)
+			registers[register_count++] = i;
 }
 
 static void take_requests(void)
@@ -72,10 +70,14 @@ static void make_events(void)
 	while (made < wanted && made < due) {
 		uint32_t count = 0;
 
-		for (; made < wanted && made < due && count < BATCH_MAX; count++, made++)
+		for (; made < wanted && made < due && count < BATCH_MAX; count++, made++) {
+			const uint32_t point = registers[(made + runs) % register_count];
+
+			if (count > 0 && config->points[point].set != config->points[updates[0].point].set)
+				break;
 			updates[count] = (struct map_update){
-			    .point = first_register + (made + runs) % register_count,
-			    .sample = {.value.i = (int16_t)(made + 1), .time_ns = now_ns}};
+			    .point = point, .sample = {.value.i = (int16_t)(made + 1), .time_ns = now_ns}};
+		}
 		map_publish(map, updates, count);
 	}
 }

@@ -246,16 +246,16 @@ def queue_rows(our_map_octets: int, queues: dict[str, Queue]) -> list[list[str]]
     return rows
 
 
-def text_size() -> str:
-    """Of iec104/ at -Os, by the cross compiler for ARMv5, or this machine's when there is none."""
+def text_size(room: str) -> str:
+    """Of a room at -Os, by the cross compiler for ARMv5, or this machine's when there is none."""
     tests = ("test_", "fuzz_", "fake_")
-    sources = [file for file in (SOURCES / "iec104").glob("*.c") if not file.name.startswith(tests)]
-    wide_times = ["-D_GNU_SOURCE", "-D_TIME_BITS=64", "-D_FILE_OFFSET_BITS=64"]
+    sources = [file for file in (SOURCES / room).glob("*.c") if not file.name.startswith(tests)]
+    defines = ["-D_GNU_SOURCE", "-D_TIME_BITS=64", "-D_FILE_OFFSET_BITS=64", '-DOPENRTU_VERSION=""']
     for prefix, target in (("arm-linux-gnueabi-", ["-march=armv5te", "-marm"]), ("", [])):
         if shutil.which(f"{prefix}gcc") is None:
             continue
         with tempfile.TemporaryDirectory() as folder:
-            compiler = [f"{prefix}gcc", "-Os", *target, *wide_times, f"-I{SOURCES}", "-c", *sources]
+            compiler = [f"{prefix}gcc", "-Os", *target, *defines, f"-I{SOURCES}", "-c", *sources]
             subprocess.run(compiler, cwd=folder, check=True)
             command = [f"{prefix}size", "-t", *Path(folder).glob("*.o")]
             total = subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()[
@@ -301,7 +301,7 @@ def measured(contenders: list[Contender], amounts: Amounts) -> list[list[str]]:
         *(line(text, row, names) for text, row in cells.items()),
         *queue_rows(map_octets, queues),
         ["our memory with rtu-modbus itself, all processes", str(our_memory())],
-        ["text of iec104/ at -Os", text_size()],
+        ["text of iec104/ at -Os", text_size("iec104")],
     ]
 
 

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The two Ethernet ports under Linux, with hosts of the test's own at the far ends of their cables."""
 
+import json
 import random
 import re
+import struct
 import subprocess
 import threading
 import time
@@ -12,10 +14,12 @@ from pathlib import Path
 import libfdt
 import pytest
 
-from linux.wire import BROADCAST, IPV4, SECONDS, Wire, cable, vlan_tag
+from capture import PCAP_HEAD, record_of
+from linux.wire import BROADCAST, GOOSE, IPV4, SECONDS, Wire, cable, vlan_tag
 from nuc980.netboot.boot import tree_for
 from nuc980.twin.linux import Kernel, Linux
 from nuc980.twin.machine import INSTRUCTION_TIME
+from peers import mms
 
 HERE = Path(__file__).parent
 START_SCRIPT = HERE.parents[1] / "board/nuc980/rootfs-overlay/etc/init.d/S41macs"
@@ -27,6 +31,9 @@ EMAC = (0xB0012000, 0xB0022000)
 MCMDR, CTXDSA, CRXDSA = 0x90, 0xCC, 0xD4
 TXON = 1 << 8
 NO_MEMORY = 0xFFFFFFF0
+GROUP = "01:0c:cd:01:00:02"
+GOOSE_SECONDS = 120.0  # from the start of rtud; for a hang only
+LINKTYPE_ETHERNET = 1
 
 Boot = Callable[..., Linux]
 
@@ -72,6 +79,16 @@ def board_uarts() -> tuple[int, ...]:
     return (0, 1, 2, 3, 4, 6, 8)
 
 
+def gateway(port: int) -> str:
+    """What a relay says by GOOSE is a point, and is published on the same port."""
+    control = "RELAYLD0/LLN0$GO$trip"
+    relay = {"name": "relay", "control_block": control, "destination": GROUP, "app_id": 2, "ca": 904}
+    relay["data"] = [{"name": "relay.trip", "type": "single", "ioa": 1}]
+    own = {"name": "own", "control_block": "GW1LD0/LLN0$GO$own", "data_set": "GW1LD0/LLN0$own", "app_id": 1}
+    goose = {"publish": [own | {"points": ["relay.trip"]}], "subscribe": [relay]}
+    return json.dumps({"port": [], "goose": {"interface": f"eth{port}"} | goose})
+
+
 @pytest.fixture(scope="module")
 def extra_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path | str]:
     program = tmp_path_factory.mktemp("network") / "network"
@@ -79,7 +96,7 @@ def extra_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path | st
         ["arm-linux-gnueabi-gcc", "-std=c11", "-D_GNU_SOURCE", "-O2", "-static", "-march=armv5te", "-marm",
          "-Wall", "-Wextra", "-Werror", "-o", program, HERE / "programs" / "network.c"], check=True
     )  # fmt: skip
-    return {"/bin/network": program}
+    return {"/bin/network": program} | {f"/etc/goose{port}.json": gateway(port) for port in (0, 1)}
 
 
 @pytest.fixture(scope="module")
@@ -432,6 +449,63 @@ def test_stuck_transmitter_is_recovered_from(linux: Linux, ports: tuple[Wire, Wi
     assert len(expected) <= 1  # the kernel's own word on it, once
     for trouble in expected:
         linux.troubles.remove(trouble)
+
+
+def of_the_relay(state: int, on: bool) -> bytes:
+    """A GOOSE message, from its APPID on. It holds for as long as the test may take on a busy host."""
+    words = ((0x80, b"RELAYLD0/LLN0$GO$trip"), (0x81, b"\x0a\x00\x00"), (0x82, b"RELAYLD0/LLN0$trip"))
+    numbers = ((0x85, state), (0x86, 0), (0x87, 0), (0x88, 1), (0x89, 0), (0x8A, 1))
+    fields = [mms.element(tag, text) for tag, text in words] + [mms.element(0x84, bytes(8))]
+    fields += [mms.element(tag, bytes([number])) for tag, number in numbers]
+    pdu = mms.element(0x61, *fields, mms.element(0xAB, mms.element(0x83, b"\xff" if on else b"\0")))
+    return struct.pack("!HHI", 2, 8 + len(pdu), 0) + pdu
+
+
+def dissected(frames: list[bytes], pcap: Path, *fields: str) -> list[list[str]]:
+    """As tshark reads them."""
+    head = PCAP_HEAD[:20] + struct.pack("<I", LINKTYPE_ETHERNET)
+    pcap.write_bytes(head + b"".join(record_of(frame, second) for second, frame in enumerate(frames)))
+    wanted = [word for field in fields for word in ("-e", field)]
+    command = ["tshark", "-r", pcap, "-T", "fields", *wanted]
+    rows = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    return [row.split("\t") for row in rows.splitlines()]
+
+
+@pytest.mark.parametrize("port", [0, 1])
+def test_goose_on_either_port(linux: Linux, ports: tuple[Wire, Wire], port: int, tmp_path: Path) -> None:
+    """The image's rtu-goose hears a relay, and publishes what it said: tshark reads each frame."""
+    wire, other = ports[port], ports[1 - port]
+    for each in ports:
+        each.goose.clear()
+    linux.run(
+        f"rtud --map /tmp/goose{port} /etc/goose{port}.json > /tmp/goose{port}.log 2>&1 & echo $! > /tmp/pid"
+    )
+    try:
+        until(lambda: wire.goose, f"GOOSE on eth{port}", GOOSE_SECONDS)
+        for state, on in ((1, True), (2, False)):
+            heard = len(wire.goose)
+            wire.send(wire.frame(GOOSE, of_the_relay(state, on), bytes_of(GROUP)))
+            said = mms.element(0x83, b"\1" if on else b"\0")
+            until(
+                lambda said=said, heard=heard: any(said in f for f in wire.goose[heard:]),
+                f"{on}",
+                GOOSE_SECONDS,
+            )
+    finally:
+        linux.run("kill $(cat /tmp/pid); while kill -0 $(cat /tmp/pid); do sleep 0.1; done")
+    rows = dissected(
+        wire.goose,
+        tmp_path / "goose.pcap",
+        "goose.gocbRef",
+        "goose.stNum",
+        "_ws.malformed",
+        "_ws.expert.message",
+    )
+    assert {(name, *wrong) for name, _, *wrong in rows} == {("GW1LD0/LLN0$GO$own", "", "")}
+    states = [int(state) for _, state, *_ in rows]
+    assert states == sorted(states)
+    assert states[-1] >= states[0] + 2
+    assert other.goose == []
 
 
 def test_chip_was_used_as_it_should(linux: Linux, ports: tuple[Wire, Wire]) -> None:

@@ -17,7 +17,7 @@ SECONDS = 20.0
 FRAME_LIMIT = 65536
 
 BROADCAST = b"\xff" * 6
-IPV4, ARP, VLAN = 0x0800, 0x0806, 0x8100
+IPV4, ARP, VLAN, GOOSE = 0x0800, 0x0806, 0x8100, 0x88B8
 ICMP, UDP = 1, 17
 ECHO_REPLY, ECHO_REQUEST = 0, 8
 PORT_OF_NOBODY = 9  # UDP's discard
@@ -57,7 +57,8 @@ def cable(number: int, near: str, far: str) -> tuple[str, ...]:
 class Wire:
     """A cable from a port of the board to a host of the test's own.
 
-    arguments: QEMU's, for this port. echoes: the pings that the board answered, and with what.
+    arguments: QEMU's, for this port. echoes: the pings that the board answered, and with what. goose: the
+    frames with GOOSE that it has sent.
     """
 
     def __init__(self, folder: Path, number: int, host: str, board: str) -> None:
@@ -66,6 +67,7 @@ class Wire:
         self.board_mac = b""  # as it was last seen
         self.name = f"nuc980-emac.{number}"
         self.echoes: dict[bytes, bytes] = {}  # by identifier and sequence number
+        self.goose: list[bytes] = []
         self._asked = 0
         self._board = f"{folder}/board{number}"
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
@@ -151,6 +153,8 @@ class Wire:
                     self._arp(body, tag)
                 elif kind == IPV4:
                     self._icmp(body, tag)
+                elif kind == GOOSE:
+                    self.goose.append(frame)
                 self._news.notify_all()
 
     def _arp(self, body: bytes, tag: bytes) -> None:

@@ -3,10 +3,14 @@
 
 from __future__ import annotations
 
+import os
 import socket
 from dataclasses import dataclass, field
 from typing import Self
 
+from capture import Connection
+
+RECORD: list[Connection] = []  # of this process, for the session's last fixture
 VISIBLE_STRING, INTEGER, SEQUENCE = 0x1A, 0x02, 0x30
 NAME_LIST, READ, WRITE, TYPE, LIST_ATTRIBUTES = 0xA1, 0xA4, 0xA5, 0xA6, 0xAC
 LIST_DEFINE, LIST_DELETE = 0xAB, 0xAD
@@ -167,6 +171,7 @@ class Client:
     max_pdu: int = 65000
     timeout_s: float = 20.0
     socket: socket.socket = field(init=False)
+    connection: Connection = field(init=False)
     number: int = 0
     reports: list[list[tuple[int, bytes]]] = field(default_factory=list)  # that came between answers
     # LastApplError, CommandTermination: names and values.
@@ -176,6 +181,8 @@ class Client:
     def __post_init__(self) -> None:
         self.socket = socket.create_connection(("127.0.0.1", self.port), self.timeout_s, (self.source, 0))
         self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self.connection = Connection(os.environ.get("PYTEST_CURRENT_TEST", "?"))
+        RECORD.append(self.connection)
 
     def __enter__(self) -> Self:
         self.send(CONNECT_TRANSPORT)
@@ -189,6 +196,7 @@ class Client:
 
     def send(self, octets: bytes) -> None:
         self.socket.sendall(octets)
+        self.connection.pieces.append((False, octets))
 
     def octets(self, count: int) -> bytes:
         """So many. EOFError: the server has closed before."""
@@ -198,6 +206,7 @@ class Client:
             if not piece:
                 raise EOFError(received)
             received += piece
+        self.connection.pieces.append((True, received))
         return received
 
     def packet(self) -> bytes:
@@ -293,3 +302,18 @@ class Client:
         assert tag == RESPONSE, tag
         ((_, results),) = elements(content)
         return elements(results)
+
+    def members(self, domain: str, list_name: str) -> list[str]:
+        """Of a data set that no client has made; all are of its domain."""
+        tag, ((_, content),) = self.ask(element(LIST_ATTRIBUTES, name(domain, list_name)))
+        assert tag == RESPONSE
+        (_, deletable), (_, listed) = elements(content)
+        assert deletable == b"\0"
+        found = []
+        for _, variable in elements(listed):
+            ((_, named),) = elements(variable)
+            ((_, specific),) = elements(named)
+            (_, of), (_, item) = elements(specific)
+            assert of.decode() == domain
+            found.append(item.decode())
+        return found

@@ -413,4 +413,4 @@ def _sample(type_name: str, raw: _library.RawSample) -> Sample:
 def _value(type_name: str, value: float) -> bool | int | float:
     if type_name == "single":
         return bool(value)
-    return value if type_name == "float" else int(value)
+    return value if type_name in ("float", "angle") else int(value)

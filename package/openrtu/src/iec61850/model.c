@@ -260,12 +260,29 @@ void iec61850_device_name(const struct iec61850_model *model, const struct iec61
 	snprintf(out, IEC61850_NAME_SIZE, "%sCA%u", model->settings->ied, (unsigned)device->ca);
 }
 
+/* A device's name ends with its common address. */
+static uint32_t number_behind(const uint8_t *name, size_t size)
+{
+	size_t digits = 0;
+	uint32_t number = 0;
+
+	while (digits < size && name[size - digits - 1] >= '0' && name[size - digits - 1] <= '9')
+		digits++;
+	for (; digits > 0; digits--)
+		number = 10 * number + (uint32_t)(name[size - digits] - '0');
+	return number;
+}
+
 const struct iec61850_device *iec61850_find_device(const struct iec61850_model *model, const uint8_t *name,
 						   size_t size)
 {
+	const uint32_t ca = number_behind(name, size);
+
 	for (uint32_t i = 0; i < model->device_count; i++) {
 		char text[IEC61850_NAME_SIZE];
 
+		if (model->devices[i].ca != ca)
+			continue;
 		iec61850_device_name(model, &model->devices[i], text);
 		if (strlen(text) == size && memcmp(text, name, size) == 0)
 			return &model->devices[i];
@@ -453,13 +470,11 @@ static bool find_ln(const struct part *name, struct iec61850_object *out)
 	return false;
 }
 
-static bool find_fc(const struct iec61850_model *model, const struct part *name, struct iec61850_object *out)
+static bool find_fc(const struct part *name, struct iec61850_object *out)
 {
-	for (uint32_t i = 0; i < IEC61850_FCS; i++)
-		if (is(name, fc_names[i])) {
-			out->fc = i;
-			return iec61850_has(model, out->device, out->ln, (enum iec61850_fc)i);
-		}
+	for (out->fc = 0; out->fc < IEC61850_FCS; out->fc++)
+		if (is(name, fc_names[out->fc]))
+			return true;
 	return false;
 }
 
@@ -474,10 +489,10 @@ bool iec61850_find(const struct iec61850_model *model, const struct iec61850_dev
 		return false;
 	if (!next_part(&rest, &part))
 		return true;
-	if (!find_fc(model, &part, out))
+	if (!find_fc(&part, out))
 		return false;
 	if (!next_part(&rest, &part))
-		return true;
+		return iec61850_has(model, device, out->ln, (enum iec61850_fc)out->fc);
 	if (!find_object(model, &part, out))
 		return false;
 	inside = iec61850_nodes_of(model, device, out->ln, out->number, (enum iec61850_fc)out->fc);

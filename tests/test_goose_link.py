@@ -1,0 +1,258 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""GOOSE on either of two interfaces with a cable, libiec61850 at its other end: pulled, and in a storm."""
+
+import os
+import random
+import re
+import socket
+import subprocess
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import pytest
+
+from desk import gateway_on_lines
+from lab.gateway import Gateway
+from lab.linesim import LineSim
+from lab.master import Monitor
+from peers.goose_peer import Peer, peer
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(os.geteuid() != 0, reason="interfaces and sockets on their frames are root's"),
+]
+
+CA, DEVICE, INPUTS = 1005, "1.5", 4
+POINTS = [f"p{DEVICE}.d{number}" for number in range(INPUTS)]
+FIRST_IOA = 10001
+OWN, OWN_APP_ID = "GW1LD0/LLN0$GO$bay", 0x1001
+RELAY, RELAY_DATA, RELAY_APP_ID = "IED1LD0/LLN0$GO$trip", "IED1LD0/LLN0$trip", 0x1002
+ETHERTYPE = 0x88B8
+GOOD = "0" * 13
+PATIENCE_S = 30.0
+ALIVE_MS = 2000
+AT_ONCE, PAUSE_S = 60, 0.01  # of a storm: some thousands a second
+CHANGES = 10  # of the line, meanwhile
+
+
+def configuration(interface: str) -> dict[str, Any]:
+    inputs = [{"address": number} for number in range(INPUTS)]
+    slave = {"id": 5, "response_timeout_min_ms": 500, "discrete_inputs": inputs}
+    pace = {"baud_rate": 115200, "data_bits": 8, "stop_bits": 1, "parity": 0}
+    bay = {"name": "bay", "control_block": OWN, "data_set": "GW1LD0/LLN0$bay", "app_id": OWN_APP_ID}
+    relay = {"name": "relay", "control_block": RELAY, "data_set": RELAY_DATA, "app_id": RELAY_APP_ID}
+    relay |= {"destination": "01:0c:cd:01:00:02", "ca": 300}
+    relay["data"] = [{"name": "relay.trip", "type": "single", "ioa": 1}, "quality"]
+    goose = {"interface": interface, "publish": [bay | {"points": POINTS, "max_ms": 300}]}
+    return {
+        "port": [{"value": 1, "active": 1, **pace, "slaves": [slave]}],
+        "goose": goose | {"subscribe": [relay]},
+    }
+
+
+@dataclass
+class Cable:
+    """Two interfaces of this machine: the gateway's, and its partners'."""
+
+    near: str
+    far: str
+
+    def plug(self, into: bool) -> None:
+        subprocess.run(["ip", "link", "set", self.far, "up" if into else "down"], check=True)
+
+
+@pytest.fixture(scope="module")
+def cables() -> Iterator[list[Cable]]:
+    """Of the gateway's two interfaces."""
+    found = []
+    for number in range(2):
+        cable = Cable(*(f"{end}{number}-{os.getpid()}" for end in ("emac", "far")))
+        command = ["ip", "link", "add", cable.near, "type", "veth", "peer", "name", cable.far]
+        subprocess.run(command, check=True)
+        found.append(cable)
+        for end in (cable.near, cable.far):
+            subprocess.run(["ip", "link", "set", end, "up"], check=True)
+    yield found
+    for cable in found:
+        subprocess.run(["ip", "link", "del", cable.near], check=True)
+
+
+@dataclass
+class Site:
+    """A gateway between a line, a controlling station, and partners at the other end of a cable."""
+
+    lines: LineSim
+    gateway: Gateway
+    monitor: Monitor
+    cable: Cable
+    hearer: Peer
+    speaker: Peer
+    on: bool = False
+
+    def change(self) -> None:
+        """All inputs of the device; the controlling station has heard of each."""
+        self.on = not self.on
+        mark = self.monitor.mark()
+        self.lines.set(DEVICE, "discrete_inputs", 0, *[int(self.on)] * INPUTS)
+        for number in range(INPUTS):
+            self.monitor.wait(
+                lambda r, ioa=FIRST_IOA + number: (r.ioa, r.value, r.good) == (ioa, self.on, True),
+                mark,
+                PATIENCE_S,
+                f"input {number} changes",
+            )
+
+    def hear(self) -> dict[str, Any]:
+        """The next message that says what the device has now."""
+        wanted = [str(self.on).lower(), GOOD] * INPUTS
+        return self.hearer.wait(lambda m: re.findall(r"[^,{}]+", m["values"]) == wanted, f"{wanted}")
+
+    def tell(self, on: bool) -> None:
+        """The relay says it, again and again, until the gateway has it."""
+        self.speaker.say([on, GOOD])
+
+        def there() -> bool:
+            self.speaker.say(None)
+            return self.relay() == ("on" if on else "off", "good")
+
+        self.gateway.wait_for(there, PATIENCE_S, f"the relay is {on}")
+
+    def relay(self) -> tuple[Any, str]:
+        point = self.gateway.points("relay.trip")["relay.trip"]
+        return point["value"], point["quality"]
+
+    def counters(self) -> dict[str, int]:
+        return {row["counter"]: row["value"] for row in self.gateway.query("counters", "rtu-goose")}
+
+
+@pytest.fixture(scope="module", params=[0, 1], ids=["eth0", "eth1"])
+def site(programs: Any, cables: list[Cable], request: pytest.FixtureRequest) -> Iterator[Site]:
+    cable = cables[request.param]
+    hearer = peer("hear", cable.far, OWN, str(OWN_APP_ID))
+    speaker = peer(
+        "say", cable.far, RELAY, str(RELAY_APP_ID), "--data-set", RELAY_DATA, "--alive-ms", str(ALIVE_MS)
+    )
+    try:
+        with (
+            gateway_on_lines(configuration(cable.near), programs, initial={}) as (lines, gateway),
+            Monitor(*gateway.address) as monitor,
+        ):
+            yield Site(lines, gateway, monitor, cable, hearer, speaker)
+            assert all(module["restarts"] == 0 for module in gateway.modules().values())
+    finally:
+        for process in (hearer.process, speaker.process):
+            process.kill()
+            process.wait()
+
+
+def test_each_end_hears_the_other(site: Site) -> None:
+    site.change()
+    before = site.hear()
+    site.change()
+    assert site.hear()["state"] > before["state"]
+    site.tell(True)
+    site.tell(False)
+
+
+def test_a_pulled_cable_costs_what_is_behind_it_and_no_more(site: Site) -> None:
+    """What the relay said is invalid in time; the line goes on. Plugged in again, both ends hear the news."""
+    site.tell(True)
+    site.change()
+    before = site.hear()
+    expired = site.counters()["relay.expired"]
+    site.cable.plug(False)
+    try:
+        site.gateway.wait_for(lambda: site.relay() == ("on", "invalid"), PATIENCE_S, "the relay is silent")
+        site.change()
+    finally:
+        site.cable.plug(True)
+    assert site.counters()["relay.expired"] == expired + 1
+    assert site.hear()["state"] > before["state"]
+    site.tell(False)
+
+
+def test_an_interface_that_is_down_is_said_once(site: Site) -> None:
+    """The gateway's own end: each message fails and is counted; a line of the log says so, one its end."""
+    site.change()
+    site.hear()
+    said = site.gateway.log(10_000).count(f"the interface {site.cable.near}: ")
+    failures = site.counters()["failures"]
+    subprocess.run(["ip", "link", "set", site.cable.near, "down"], check=True)
+    try:
+        site.gateway.wait_for(lambda: site.counters()["failures"] >= failures + 3, PATIENCE_S, "failures")
+        site.change()
+    finally:
+        subprocess.run(["ip", "link", "set", site.cable.near, "up"], check=True)
+    site.hear()
+    site.tell(True)
+    up = f"the interface {site.cable.near} is up again"
+    site.gateway.wait_for(lambda: up in site.gateway.log(10_000), PATIENCE_S, up)
+    assert site.gateway.log(10_000).count(f"the interface {site.cable.near}: ") == said + 1
+
+
+def of_others(chance: random.Random) -> bytes:
+    """A message of an APPID that nobody has subscribed to."""
+    return frame(chance.randbytes(chance.randrange(20, 200)), 0x2000)
+
+
+def damaged(chance: random.Random) -> bytes:
+    return frame(b"\x61" + chance.randbytes(chance.randrange(20, 200)), RELAY_APP_ID)
+
+
+def frame(octets: bytes, app_id: int) -> bytes:
+    head = bytes.fromhex("010ccd010002 020000000001") + ETHERTYPE.to_bytes(2, "big")
+    return head + app_id.to_bytes(2, "big") + (len(octets) + 8).to_bytes(2, "big") + bytes(4) + octets
+
+
+@dataclass
+class Storm:
+    """Frames of the same EtherType, thousands a second: others', damaged ones, one of the relay's again."""
+
+    interface: str
+    old: bytes
+    sent: int = 0
+
+    def __post_init__(self) -> None:
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._blow)
+
+    def __enter__(self) -> "Storm":
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._thread.join()
+
+    def _blow(self) -> None:
+        chance = random.Random(1)
+        with socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0) as wire:
+            wire.bind((self.interface, 0))
+            while not self._over.wait(PAUSE_S):
+                for _ in range(AT_ONCE // 3):
+                    for octets in (of_others(chance), damaged(chance), self.old):
+                        wire.send(octets)
+                        self.sent += 1
+
+
+def test_a_storm_is_counted_and_disturbs_nobody(site: Site) -> None:
+    """Each change of the line still comes to the controlling station and the partner, and the relay's do."""
+    with socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(ETHERTYPE)) as wire:
+        wire.bind((site.cable.near, ETHERTYPE))
+        site.tell(True)
+        while (old := wire.recv(2048))[14:16] != RELAY_APP_ID.to_bytes(2, "big"):
+            pass
+    before = site.counters()
+    with Storm(site.cable.far, old) as storm:
+        for number in range(CHANGES):
+            site.change()
+            site.hear()
+            site.tell(number % 2 == 0)
+    after = site.counters()
+    counted = {name: after[name] - before[name] for name in after}
+    assert storm.sent > 1000
+    assert 0 < counted["damaged"] <= storm.sent // 3
+    assert 0 < counted["relay.out_of_order"] <= storm.sent // 3
+    assert counted["unknown"] == counted["relay.expired"] == 0
