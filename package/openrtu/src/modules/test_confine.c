@@ -49,7 +49,7 @@ static long make(const struct call *call)
 
 static const struct kind_program *program_named(const char *name)
 {
-	static const char *const kinds[] = {"modbus", "iec104", "journal", "logic"};
+	static const char *const kinds[] = {"modbus", "iec104", "journal", "logic", "iec61850"};
 
 	for (size_t i = 0; i < COUNT(kinds); i++) {
 		const struct kind *kind = kinds_find(kinds[i]);

@@ -25,7 +25,9 @@ static const struct kind_program programs[] = {
 /* Without the program there is no iec61850.tls: config_check_modules. */
 static const struct kind_program *choose(const struct map_config *config)
 {
-	return &programs[channel_tls_used(&iec61850_settings(config)->tls)];
+	const struct iec61850_settings *settings = iec61850_settings(config);
+
+	return &programs[settings != NULL && channel_tls_used(&settings->tls)];
 }
 
 static bool plan(struct map_config *config)
