@@ -455,17 +455,24 @@ static void run(int stop, int listener)
 
 /* ---- start ------------------------------------------------------------------------------- */
 
-static bool begin_connection(struct connection *connection, uint32_t max_pdu)
+/* All in one piece: pages that no client has used take no memory, and there are no heads of pieces on them. */
+static bool begin_connections(uint32_t count, uint32_t max_pdu)
 {
-	struct iec61850_transport *transport = &connection->association.transport;
+	const size_t message = IEC61850_MESSAGE_SIZE(max_pdu), output = IEC61850_OUTPUT_SIZE(max_pdu);
+	uint8_t *octets = malloc(count * (IEC61850_INPUT_SIZE + message + output));
 
-	connection->channel.fd = -1;
-	transport->message_size = IEC61850_MESSAGE_SIZE(max_pdu);
-	transport->output_size = IEC61850_OUTPUT_SIZE(max_pdu);
-	transport->input = malloc(IEC61850_INPUT_SIZE);
-	transport->message = malloc(transport->message_size);
-	transport->output = malloc(transport->output_size);
-	return transport->input != NULL && transport->message != NULL && transport->output != NULL;
+	for (uint32_t i = 0; octets != NULL && i < count; i++) {
+		struct iec61850_transport *transport = &connections[i].association.transport;
+
+		connections[i].channel.fd = -1;
+		transport->message_size = message;
+		transport->output_size = output;
+		transport->input = octets;
+		transport->message = transport->input + IEC61850_INPUT_SIZE;
+		transport->output = transport->message + message;
+		octets = transport->output + output;
+	}
+	return octets != NULL;
 }
 
 /* Another one for each start of the gateway: its clock, or what runs since it was switched on. */
@@ -483,8 +490,7 @@ static bool start(void)
 	scratch = malloc(IEC61850_MESSAGE_SIZE(settings->max_pdu));
 	server.names = malloc(settings->max_pdu);
 	server.chosen = calloc(map_config(map)->point_count + 1, sizeof(*server.chosen));
-	for (uint32_t i = 0; i < settings->associations; i++)
-		begun = begin_connection(&connections[i], settings->max_pdu) && begun;
+	begun = begin_connections(settings->associations, settings->max_pdu) && begun;
 	if (begun && scratch != NULL && server.names != NULL && server.chosen != NULL) {
 		map_cursor_to_end(map, &cursor);
 		iec61850_report_begin(&server, server.stats, &cursor, start_number());
