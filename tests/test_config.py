@@ -429,6 +429,7 @@ SITES = [
     Site("web", "web", ("web",)),
     Site("outstations_tls", "outstations_tls", ("outstations_tls",)),
     Site("iec61850", "iec61850", ("iec61850",)),
+    Site("iec61850_tls", "iec61850.tls", ("iec61850_tls",)),
     Site("outstation", "outstations[0]", ("outstation",)),
     Site("outstation_set", "outstations[0].sets[0]", ("outstation_set",)),
     Site("outstation_point", "outstations[0].sets[0].points[0]", ("outstation_point",)),
@@ -544,6 +545,7 @@ def small_file() -> dict[str, Any]:
         },
         "iec61850": {
             "address": "127.0.0.1",
+            "tls": dict(tls),
             "data_sets": [{"name": "Bay", "points": ["speed"], "reports": [{"name": "urcbBay"}]}],
         },
         "web": {"address": "127.0.0.1"},
@@ -740,6 +742,7 @@ def described() -> Iterator[tuple[str, str, dict[str, Any]]]:
         "snmp_user",
         "snmp_sink",
         "iec61850",
+        "iec61850_tls",
         "web",
         "outstation",
         "outstations_tls",

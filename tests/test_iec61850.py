@@ -318,8 +318,24 @@ def test_a_data_set_is_read_as_a_whole(site: Site) -> None:
             assert len(mms.elements(results)) == len(names)
 
 
+def told_of(client: Client, at: int, position: str) -> tuple[list[tuple[int, bytes]], int]:
+    """
+    The report that has the member where it is now, and why. On a busy host the device may be late meanwhile:
+    then others are told of qualities, or one of several members at once.
+    """
+    wanted = (0x84, bytes([6, DOUBLES.index(position) << 6]))
+    while True:
+        report = client.report()
+        chosen = included(report, 6)
+        if at not in chosen:
+            continue
+        value, reason = report[7 + chosen.index(at)], report[7 + len(chosen) + chosen.index(at)]
+        if mms.elements(value[1])[0] == wanted and reason[1][1] != TRIGGERS["qchg"]:
+            return report, reason[1][1]
+
+
 def test_a_change_is_reported_with_its_reason(site: Site) -> None:
-    """A breaker moves: a report has its member alone, where it is now, and why. Then all, when asked for."""
+    """A breaker moves: a report has its member, where it is now, and why. Then all, when asked for."""
     desk = site.desk
     desk.wait_all_good(1010)
     point = next(p for p in desk.gateway.points().values() if (p["ca"], p["ioa"]) == (1010, 1))
@@ -328,20 +344,17 @@ def test_a_change_is_reported_with_its_reason(site: Site) -> None:
         enable(client, 0x7880, "dchg", "qchg", "gi")
         for position in ("off", "on") if point["value"] == "on" else ("on", "off"):
             desk.gateway.ctl("set", point["name"], position, "--select")
-            report = client.report()
-            while included(report, 6) != [at]:
-                report = client.report()
-            reference, options, _, entry, data_set, _, _, value, reason = report
+            report, reason = told_of(client, at, position)
+            reference, options, _, entry, data_set, *_ = report
             assert reference[1].decode() == f"{DEVICE}/{BLOCK}"
             assert options[1] == b"\6\x78\x80" and len(entry[1]) == 6
             assert data_set[1].decode() == f"{DEVICE}/LLN0$status"
-            assert mms.elements(value[1])[0] == (0x84, bytes([6, DOUBLES.index(position) << 6]))
-            assert reason[1][1] == TRIGGERS["dchg"]
+            assert reason & TRIGGERS["dchg"]
         assert client.write(DEVICE, (f"{BLOCK}$GI", YES)) == [mms.DONE]
         count = len(members(client, "LLN0$status"))
         while len(included(report := client.report(), 6)) != count:
             pass
-        assert {content[1] for _, content in report[-count:]} == {TRIGGERS["gi"]}
+        assert all(content[1] & TRIGGERS["gi"] for _, content in report[-count:])
 
 
 def test_the_rust_client_takes_reports(site: Site) -> None:

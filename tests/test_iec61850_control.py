@@ -27,14 +27,17 @@ NOT_SUPPORTED, BY_MODE, BY_PROCESS, IN_EXECUTION, TOO_LATE = 1, 8, 9, 12, 16
 NOT_SELECTED, NO_ACCESS, LOST, INCONSISTENT, LOCKED = 18, 20, 23, 26, 27
 
 
+SELECT_S = 30  # a client on a busy host may take its time between selection and execution
+
+
 def configuration(port: int) -> dict[str, Any]:
     coils = [{"address": 0}, {"address": 2, "type": "double", "select": True}, {"address": 5}]
     registers = [{"address": 0, "step": 10, "min": -20, "max": 35}, {"address": 4, "type": "bitstring"}]
-    slave = {"id": 5, "response_timeout_ms": 400, "coils": coils, "holding_registers": registers}
+    slave = {"id": 5, "response_timeout_ms": 1000, "coils": coils, "holding_registers": registers}
     pace = {"baud_rate": 38400, "data_bits": 8, "stop_bits": 1, "parity": 0}
     return {
         "iec104": {"connections_per_address": 8},
-        "commands": {"select_timeout": 3, "command_timeout": 5},
+        "commands": {"select_timeout": SELECT_S, "command_timeout": 30},
         "iec61850": {"address": "127.0.0.1", "port": port, "controllers": ["127.0.0.1"]},
         "port": [{"value": 1, "active": 1, **pace, "slaves": [slave]}],
     }
@@ -60,6 +63,12 @@ class Plant(Substation):
 
     def states(self) -> set[str]:
         return {row["state"] for row in self.gateway.query("commands")}
+
+    def end_selections_after(self, seconds: int) -> None:
+        """Those that begin from now on."""
+        config = self.gateway.configuration()
+        config["commands"]["select_timeout"] = seconds
+        self.gateway.ctl("reload", self.gateway.put(config))
 
     def is_free(self) -> bool:
         return self.states() <= {"inactive command", "interrupted selection"}
@@ -193,11 +202,13 @@ def test_a_selection_of_one_protocol_blocks_the_others(plant: Plant) -> None:
 
 @pytest.mark.slow
 def test_a_selection_ends_by_itself(plant: Plant) -> None:
+    plant.end_selections_after(1)
     with plant.client() as client:
         assert act(client, "SBOw", BREAKER) == DONE
         plant.gateway.wait_for(plant.is_free, 60.0, "the selection is over")
         assert act(client, "Oper", BREAKER) == DENIED
         assert cause(client, BREAKER) == NOT_SELECTED
+    plant.end_selections_after(SELECT_S)
 
 
 def test_what_a_device_answers_is_the_reason(plant: Plant) -> None:
@@ -230,10 +241,25 @@ def test_an_owner_that_dies_leaves_an_unknown_fate(plant: Plant) -> None:
         assert cause(client, LAMP) in (LOST, TOO_LATE)
         tag, pdu = client.mms()
         assert (tag, mms.elements(mms.elements(pdu)[1][1])) == (mms.RESPONSE, [DENIED])
+        assert "executing command" not in plant.states()
         plant.lines.fault(DEVICE, "clear")
         plant.wait_all_good(CA)
+        plant.gateway.wait_for(plant.is_free, 60.0, "the next process has released it")
         assert plant.coil(0) == 0
         assert act(client, "Oper", LAMP) == DONE  # the number of the request before is not answered again
+
+
+def test_what_the_device_has_confirmed_is_done(plant: Plant) -> None:
+    """Its value is not read back before the line's process dies: the command ends all the same, at once."""
+    with plant.client() as client:
+        client.socket.settimeout(30.0)  # half of what an owner that says nothing is given
+        assert act(client, "Oper", LAMP) == DONE
+        plant.lines.fault(DEVICE, "mute")
+        plant.gateway.kill("rtu-modbus-1")
+        assert ended(client, LAMP) in (0, TOO_LATE)  # the read-back may have found the device mute
+        assert "executing command" not in plant.states()
+        plant.lines.fault(DEVICE, "clear")
+        plant.gateway.wait_for(plant.is_free, 60.0, "the next process has released it")
 
 
 # ---- who may, and what ----------------------------------------------------------------------------------

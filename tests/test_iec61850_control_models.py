@@ -29,6 +29,7 @@ from test_iec61850_control import (
     NOT_SELECTED,
     ON,
     SELECT,
+    SELECT_S,
     TOO_LATE,
     Plant,
     act,
@@ -194,9 +195,11 @@ def station_104(case: Try) -> None:
 def time_out(case: Try) -> None:
     """Of a selection; of an execution it is silence."""
     if case.selects:
+        case.plant.end_selections_after(1)
         assert case.select()
         case.plant.gateway.wait_for(case.plant.is_free, 60.0, "the selection is over")
         case.refused(NOT_SELECTED)
+        case.plant.end_selections_after(SELECT_S)
 
 
 def kill(case: Try) -> None:

@@ -28,6 +28,7 @@ MODULES = {
     "rtu-104m-tls",
     "rtu-snmp",
     "rtu-iec61850",
+    "rtu-iec61850-tls",
     "rtu-synch",
     "rtu-web",
 }

@@ -48,6 +48,10 @@ NO_TLS = (
     "BR2_PACKAGE_OPENRTU_TLS\n"
 )
 
+NO_IEC61850_TLS = NO_TLS.replace(
+    "tls: this build has no rtu-iec104-tls", "iec61850.tls: this build has no rtu-iec61850-tls"
+)
+
 CHEAP = ("-Dtests=disabled", "-Doptimization=0", "-Ddebug=false")  # a third of the compiler's time
 
 
@@ -127,6 +131,8 @@ def test_configuration_that_needs_what_is_left_out_is_refused(
     assert refused(without_modbus, directory) == NO_MODBUS
     files = {"certificate": "/own.pem", "key": "/own.key", "ca": "/ca.pem"}
     assert refused(without_modbus, directory, station_only() | {"tls": files}).endswith(NO_TLS)
+    server = {"iec61850": {"address": "127.0.0.1", "tls": files}}
+    assert refused(without_modbus, directory, station_only() | server).endswith(NO_IEC61850_TLS)
 
 
 def test_lines_run_without_the_station(without_iec104: Path, directory: Path) -> None:

@@ -4,12 +4,10 @@
 import contextlib
 import os
 import re
-import select
 import signal
 import socket
 import ssl
 import subprocess
-import threading
 import time
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
@@ -37,6 +35,7 @@ from peers.tls_gateway import (
     interrogate_with_lib60870,
     public_keys,
     received,
+    tunnel,
 )
 
 STARTDT_ACT, STARTDT_CON = bytes.fromhex("680407000000"), bytes.fromhex("68040b000000")
@@ -104,38 +103,11 @@ def test_documented_certificates(programs: Path, kind: str, bits: int) -> None:
         remove(folder)
 
 
-@contextlib.contextmanager
-def tunnel(gateway: TlsGateway, context: ssl.SSLContext) -> Iterator[int]:
-    """A TCP port that leads to the station through TLS, for one connection."""
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-
-        def carry() -> None:
-            plain, _ = listener.accept()
-            with plain, connected(gateway, context) as secured:
-                while True:
-                    ready = [secured] if secured.pending() else select.select([plain, secured], [], [])[0]
-                    for side in ready:
-                        side.setblocking(False)
-                        with contextlib.suppress(ssl.SSLWantReadError):  # a ticket is not for the other side
-                            octets = side.recv(65536)
-                            if not octets:
-                                return
-                            other = plain if side is secured else secured
-                            other.settimeout(WAITS_S)
-                            other.sendall(octets)
-
-        thread = threading.Thread(target=carry, daemon=True)
-        thread.start()
-        yield int(listener.getsockname()[1])
-        thread.join(WAITS_S)
-        assert not thread.is_alive()
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("version", VERSIONS)
 def test_lib60870_through_tls(gateway: TlsGateway, pki: Pki, version: str) -> None:
     """In a tunnel: the TLS of c104 2.2.1 itself ends each handshake for want of a host name (-0x5d80)."""
-    with tunnel(gateway, pki.client(version=version)) as port:
+    with tunnel(gateway.address, pki.client(version=version)) as port:
         interrogate_with_lib60870(port)
 
 

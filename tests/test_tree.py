@@ -295,6 +295,7 @@ DEFINITION = re.compile(
 INCLUDED = re.compile(r'^#include "(\w+)/', re.MULTILINE)
 # What rtud alone puts together: these know of no other room than their own, config and the map.
 OF_IEC_61850 = ["goose", "iec61850"]
+ON_CHANNELS = ["iec104", "iec61850"]  # connections with or without TLS
 OF_ONE_KIND = ["goose", "gps", "iec104", "iec61850", "journal", "logic", "modbus", "snmp", "synch", "web"]
 
 
@@ -345,8 +346,16 @@ def test_files_of_a_room_use_each_other_in_no_circle(room: str) -> None:
     [
         ("map", set()),
         ("config", {"map"}),
-        *((room, {"config", "map"}) for room in OF_ONE_KIND if room not in OF_IEC_61850),
-        *((room, {"ber", "config", "map", "quality"}) for room in OF_IEC_61850),
+        ("channel", {"config", "map"}),
+        *(
+            (
+                room,
+                {"config", "map"}
+                | ({"ber", "quality"} if room in OF_IEC_61850 else set())
+                | ({"channel"} if room in ON_CHANNELS else set()),
+            )
+            for room in OF_ONE_KIND
+        ),
     ],
 )
 def test_a_room_includes_only_itself_and_what_is_below(room: str, below: set[str]) -> None:

@@ -16,6 +16,7 @@ MODULES = (
     "rtu-iec104",
     "rtu-iec104-tls",
     "rtu-104m-tls",
+    "rtu-iec61850-tls",
     "rtu-journal",
     "rtu-logic",
     "rtu-synch",

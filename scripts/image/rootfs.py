@@ -262,9 +262,11 @@ def needs_openssl(site: Path) -> bool:
         configuration = json.loads(file.read_bytes())
     except ValueError as error:
         raise UnusableInput(f"{file} is not JSON: {error}") from error
-    return isinstance(configuration, dict) and not configuration.keys().isdisjoint(
-        {"tls", "outstations_tls", "snmp", "web"}
-    )
+    if not isinstance(configuration, dict):
+        return False
+    server = configuration.get("iec61850")
+    secured = isinstance(server, dict) and "tls" in server
+    return secured or not configuration.keys().isdisjoint({"tls", "outstations_tls", "snmp", "web"})
 
 
 def main(words: Sequence[str] | None = None) -> int:

@@ -194,6 +194,8 @@ def test_unusable_table_is_said(tmp_path: Path, text: str) -> None:
         ('{"port": [], "tls": {}}', True),
         ('{"snmp": {}}', True),
         ('{"web": {}}', True),
+        ('{"iec61850": {"tls": {}}}', True),
+        ('{"iec61850": {}}', False),
         ('{"port": []}', False),
         ('["tls"]', False),
     ],

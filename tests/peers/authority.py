@@ -25,6 +25,7 @@ commonName = supplied
 DATE = "%Y%m%d%H%M%SZ"
 STATION_USER = 61201  # rtud's user for rtu-iec104, when it runs as root
 OUTSTATIONS_USER = 61214  # the same for rtu-104m
+IEC61850_USER = 61217  # the same for rtu-iec61850
 
 
 def openssl(*arguments: str | Path, folder: Path | None = None) -> str:
@@ -95,12 +96,18 @@ class Authority:
         usage: str = "clientAuth",
         since: datetime | None = None,
         until: datetime | None = None,
+        names: str = "",
     ) -> Identity:
-        """A certificate with that common name; its days begin now, and with days < 0 are over."""
+        """
+        A certificate with that common name; its days begin now, and with days < 0 are over. names: of its
+        hosts, as subjectAltName has them.
+        """
         place = self.folder / name.replace(" ", "-")
         made = Identity(place.with_suffix(".pem"), place.with_suffix(".key"))
         request, extensions = place.with_suffix(".csr"), place.with_suffix(".cnf")
-        extensions.write_text(f"basicConstraints = critical, CA:false\nextendedKeyUsage = {usage}\n")
+        lines = ["basicConstraints = critical, CA:false", f"extendedKeyUsage = {usage}"]
+        lines += [f"subjectAltName = {names}"] if names else []
+        extensions.write_text("\n".join(lines) + "\n")
         asked = ["-new", "-nodes", *key.split(), "-subj", f"/CN={name}", "-keyout", made.key]
         openssl("req", *asked, "-out", request)
         signed = ["-in", request, "-extfile", extensions, "-out", made.certificate]

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 import socket
+import ssl
 from dataclasses import dataclass, field
 from typing import Self
 
@@ -177,10 +178,13 @@ class Client:
     # LastApplError, CommandTermination: names and values.
     information: list[tuple[list[str], list[tuple[int, bytes]]]] = field(default_factory=list)
     source: str = "127.0.0.1"
+    tls: ssl.SSLContext | None = None
 
     def __post_init__(self) -> None:
         self.socket = socket.create_connection(("127.0.0.1", self.port), self.timeout_s, (self.source, 0))
         self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        if self.tls:
+            self.socket = self.tls.wrap_socket(self.socket)
         self.connection = Connection(os.environ.get("PYTEST_CURRENT_TEST", "?"))
         RECORD.append(self.connection)
 

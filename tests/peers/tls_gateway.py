@@ -10,6 +10,7 @@ import select
 import signal
 import socket
 import ssl
+import threading
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -148,6 +149,33 @@ def connected(
     except BaseException:
         plain.close()
         raise
+
+
+@contextlib.contextmanager
+def tunnel(address: tuple[str, int], context: ssl.SSLContext) -> Iterator[int]:
+    """A TCP port that leads to a server through TLS, for one connection."""
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def carry() -> None:
+            plain, _ = listener.accept()
+            with plain, context.wrap_socket(socket.create_connection(address, WAITS_S)) as secured:
+                while True:
+                    ready = [secured] if secured.pending() else select.select([plain, secured], [], [])[0]
+                    for side in ready:
+                        side.setblocking(False)
+                        with contextlib.suppress(ssl.SSLWantReadError):  # a ticket is not for the other side
+                            octets = side.recv(65536)
+                            if not octets:
+                                return
+                            other = plain if side is secured else secured
+                            other.settimeout(WAITS_S)
+                            other.sendall(octets)
+
+        thread = threading.Thread(target=carry, daemon=True)
+        thread.start()
+        yield int(listener.getsockname()[1])
+        thread.join(WAITS_S)
+        assert not thread.is_alive()
 
 
 def received(connection: socket.socket, count: int) -> bytes:

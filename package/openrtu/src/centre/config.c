@@ -5,9 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "channel/config_tls.h"
 #include "config/files.h"
 #include "config/zone.h"
-#include "iec104/config_readers.h"
 #include "map/address.h"
 #include "map/time_ns.h"
 
@@ -106,7 +106,7 @@ static const struct config_rule station_rules[STATION_KEYS] = {
     [STATION_NAME] = {"name", CONFIG_TEXT, .required = true, .low = 1, .high = CENTRE_NAME_SIZE - 1},
     [STATION_ADDRESS] = {"address", CONFIG_TEXT, .required = true, .low = 2, .high = MAP_ADDRESS_SIZE - 1},
     [STATION_SECOND] = {"second_address", CONFIG_TEXT, .low = 2, .high = MAP_ADDRESS_SIZE - 1},
-    [STATION_CERTIFICATE] = {"certificate", CONFIG_TEXT, .low = 1, .high = IEC104_TLS_MASTER_SIZE - 1},
+    [STATION_CERTIFICATE] = {"certificate", CONFIG_TEXT, .low = 1, .high = CHANNEL_TLS_PEER_SIZE - 1},
     [STATION_SECURE] = {"secure", CONFIG_BOOLEAN},
     [STATION_PORT] = {"port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = PORT_PLAIN},
     [STATION_CAS] = {"common_addresses", CONFIG_ARRAY, .high = CAS_MAX},
@@ -237,7 +237,7 @@ static void read_security(const struct reading *reading, const struct config_val
 		station->port = PORT_TLS;
 	if (!values[STATION_CERTIFICATE].given)
 		return;
-	if (!iec104_names_certificate(values[STATION_CERTIFICATE].text))
+	if (!channel_names_certificate(values[STATION_CERTIFICATE].text))
 		config_error(reading->report, &certificate,
 			     "is neither a common name nor a SHA-256 fingerprint as AB:CD:...");
 	if (!station->secure)
@@ -444,7 +444,7 @@ static void read_timezone(struct config_report *report, const struct config_plac
 }
 
 static void read_tls(struct config_report *report, const struct config_place *file,
-		     const struct config_value *value, struct iec104_tls *tls)
+		     const struct config_value *value, struct channel_tls *tls)
 {
 	const struct config_place here = config_key_of(file, file_rules[FILE_TLS].name);
 
@@ -452,7 +452,7 @@ static void read_tls(struct config_report *report, const struct config_place *fi
 		config_error(report, &here,
 			     "this build has no TLS: remove the object, or build with -Dtls=true");
 	if (value->given)
-		iec104_read_tls(report, &here, value->json, false, tls);
+		channel_read_tls(report, &here, value->json, NULL, tls);
 }
 
 static void take_values(const struct config_value *values, struct centre_config *config)

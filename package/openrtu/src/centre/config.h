@@ -44,7 +44,7 @@ struct centre_config {
 	uint32_t station_count;
 	uint32_t link_count; /* the first of each station, then the second ones */
 	bool secure;         /* a station is */
-	struct iec104_tls tls;
+	struct channel_tls tls;
 	struct iec104_poll *polls;
 	uint32_t poll_count;
 };

@@ -164,7 +164,7 @@ static void close_all(const struct start *start, bool unlinks)
 /* In its process, where the configuration becomes its own. */
 static int run_shard(void *context, uint32_t shard, atomic_uint *turns)
 {
-	static struct channel_owner owner = {.controlling = true, .say = say};
+	static struct channel_owner owner = {.controlling = true, .message = iec104_apdu_size, .say = say};
 	static struct centre centre;
 	struct start *start = context;
 	struct centre_config *config = start->config;

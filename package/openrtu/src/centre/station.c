@@ -391,10 +391,10 @@ static void transmit(struct centre_station *station)
 	const uint8_t *octets = iec104_session_output(session, &size);
 
 	trace(station, CENTRE_SENT, octets + station->unwritten, size - station->unwritten);
-	channel_transmit_session(&station->channel, session);
+	iec104_transmit(&station->channel, session);
 	iec104_session_output(session, &size);
 	station->unwritten = (uint16_t)size;
-	wait_for(station, channel_interest(&station->channel, &station->controlling.session));
+	wait_for(station, iec104_interest(&station->channel, &station->controlling.session));
 }
 
 /* The link that had data transfer is gone: the other has it, at once. */
@@ -512,7 +512,7 @@ static void receive(struct centre_station *station)
 	struct iec104_session *session = &station->controlling.session;
 	uint16_t before = (uint16_t)(session->input_end - session->input_begin);
 
-	channel_receive_session(&station->channel, session);
+	iec104_receive(&station->channel, session);
 	trace(station, 0, session->memory.input + session->input_begin + before,
 	      (size_t)(session->input_end - session->input_begin - before));
 }

@@ -10,7 +10,7 @@
 #include "centre/config.h"
 #include "centre/deadlines.h"
 #include "centre/window.h"
-#include "channel/channel.h"
+#include "iec104/octets.h"
 
 /* Beside a record for each octet of its input: the ends of its requests, its link. */
 #define CENTRE_RECORDS_BESIDE (2 * IEC104_CONTROLLING_REQUESTS_MAX + 8)

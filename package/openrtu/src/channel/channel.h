@@ -1,24 +1,35 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * What carries the octets of a connection of IEC 60870-5-104, of either side: TCP as it is (plain.c), or TLS on it (tls.c). A
- * program is built with one of the two; a controlling station with TLS may have connections without it. No call waits.
+ * What carries the octets of a connection of a protocol, of either side: TCP as it is (plain.c), or TLS on it (tls.c). A
+ * program is built with one of the two; one that connects with TLS may have connections without it. No call waits.
  */
 #ifndef OPENRTU_CHANNEL_CHANNEL_H
 #define OPENRTU_CHANNEL_CHANNEL_H
 
 #include <sys/types.h>
 
-#include "iec104/config.h"
-#include "iec104/session.h"
+#include "channel/config.h"
 #include "map/map.h"
+
+#define CHANNEL_PEER_SIZE 64
 
 /* Whose channels these are; of the whole process. */
 struct channel_owner {
-	const struct iec104_tls *tls; /* of tls.c alone */
-	bool controlling;             /* it connects to others, by channel_connect */
+	const struct channel_tls *tls; /* of tls.c alone, as all up to say */
+	bool controlling;              /* it connects to others, by channel_connect */
+	const char *peers;             /* how those are called whom the settings may list */
+	/* Octets of the message that begins at bytes, which has a record of its own. NULL: records are of any octets. */
+	int (*message)(const uint8_t *bytes, size_t size);
+	_Atomic uint32_t *refused; /* counts handshakes that did not succeed; NULL: nobody does */
 	/* A line of the log; peer: of whose connection, NULL: of none. */
 	void (*say)(enum map_log_level level, const char *peer, const char *text);
 };
+
+static inline void channel_count_refused(const struct channel_owner *owner)
+{
+	if (owner->refused != NULL)
+		map_count(owner->refused, 1);
+}
 
 /* How a controlling station knows a controlled one, from connection to connection. Begins with zeros. */
 struct channel_station {
@@ -32,7 +43,7 @@ struct channel {
 	int fd; /* non-blocking, for epoll */
 	uint32_t
 	    wants; /* EPOLLIN or EPOLLOUT: neither handshake nor receipt can go on before that; 0: nothing special */
-	char peer[IEC104_PEER_SIZE];
+	char peer[CHANNEL_PEER_SIZE];
 	/* of tls.c alone */
 	void *tls;
 	bool stuck;                      /* a record is not wholly written */
@@ -74,23 +85,17 @@ ssize_t channel_receive(struct channel *channel, uint8_t *place, size_t size);
 /* Octets have come that the socket does not have any more, so that epoll does not tell of them. */
 bool channel_pending(const struct channel *channel);
 /*
- * bytes: whole APDUs, or what is left of them. Returns how many octets went; 0: none now, -1: the connection is over. What
+ * bytes: whole messages, or what is left of them. Returns how many octets went; 0: none now, -1: the connection is over. What
  * did not go must be offered again.
  */
 ssize_t channel_transmit(struct channel *channel, const uint8_t *bytes, size_t size);
+
+/* The common name of the peer's certificate, cut; empty: it shows none. */
+void channel_name(const struct channel *channel, char name[CHANNEL_NAME_SIZE]);
 
 /* Call it in each turn once the channel is ready: renews its keys in time. False: logged; to be closed. */
 bool channel_keep(struct channel *channel, int64_t now_ns);
 
 void channel_close(struct channel *channel);
-
-/* ---- the octets of a session ------------------------------------------------------------- */
-
-/* Takes what there is room for. True: something came. An error closes the session. */
-bool channel_receive_session(struct channel *channel, struct iec104_session *session);
-/* Writes what the connection takes. True: something went, so there may be room for more. */
-bool channel_transmit_session(struct channel *channel, struct iec104_session *session);
-/* What epoll shall tell of: EPOLLIN while there is space for input, EPOLLOUT while output is left. */
-uint32_t channel_interest(const struct channel *channel, struct iec104_session *session);
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* TCP as IEC 60870-5-104 has it: nobody is asked who he is. */
+/* TCP as it is: nobody is asked who he is. */
 #include "channel/channel.h"
 
 #include <stdio.h>
@@ -62,6 +62,12 @@ bool channel_pending(const struct channel *channel)
 ssize_t channel_transmit(struct channel *channel, const uint8_t *bytes, size_t size)
 {
 	return bare_transmit(channel->fd, bytes, size);
+}
+
+void channel_name(const struct channel *channel, char name[CHANNEL_NAME_SIZE])
+{
+	(void)channel;
+	name[0] = '\0';
 }
 
 bool channel_keep(struct channel *channel, int64_t now_ns)

@@ -31,7 +31,7 @@
 #define LOOK_NS  NS_PER_S       /* how often a connection is */
 
 static const struct channel_owner *owner;
-static const struct iec104_tls *settings;
+static const struct channel_tls *settings;
 static SSL_CTX *context;
 static uint32_t readings; /* of the files; each makes a context */
 static int64_t next_files_ns;
@@ -84,6 +84,7 @@ static void log_refusal(const struct channel *channel)
 	const char *alert = handshake_refusal(ERR_peek_last_error());
 	char why[TLS_WHY_SIZE];
 
+	channel_count_refused(owner);
 	if (tls_refusal(why))
 		say(MAP_LOG_WARNING, channel->peer, "refused, %s", why);
 	else
@@ -102,9 +103,9 @@ static void log_renegotiation(const SSL *tls, int where, int what)
 
 static void log_handshake(const struct channel *channel)
 {
-	char name[TLS_NAME_SIZE];
+	char name[CHANNEL_NAME_SIZE];
 
-	tls_common_name(SSL_get0_peer_certificate(channel->tls), name);
+	channel_name(channel, name);
 	say(MAP_LOG_INFO, channel->peer, "%s%s, \"%s\"", SSL_get_version(channel->tls),
 	    SSL_session_reused(channel->tls) ? " resumed" : "", name);
 }
@@ -170,7 +171,7 @@ static bool read_files(void)
 void channel_renew(void)
 {
 	settings = owner->tls;
-	tls_certificate_start(settings, owner->controlling);
+	tls_certificate_start(settings, owner->controlling, owner->peers);
 }
 
 bool channel_start(const struct channel_owner *of_channels)
@@ -178,7 +179,7 @@ bool channel_start(const struct channel_owner *of_channels)
 	owner = of_channels;
 	settings = owner->tls;
 	signal(SIGPIPE, SIG_IGN); /* OpenSSL writes without MSG_NOSIGNAL */
-	tls_certificate_start(settings, owner->controlling);
+	tls_certificate_start(settings, owner->controlling, owner->peers);
 	tls_files_changed(settings); /* before they are read: what changes meanwhile is seen later */
 	if (!read_files())
 		return false;
@@ -342,13 +343,20 @@ bool channel_pending(const struct channel *channel)
 }
 
 /*
- * Each APDU has a record of its own. A master that waits for its socket, and reads one APDU each time, would else leave
- * the rest of a record in its TLS: lib60870 in C does so.
+ * A peer that waits for its socket, and reads one message each time, would leave the rest of a longer record in its TLS:
+ * lib60870 in C does so.
  */
-static ssize_t transmit_apdu(const struct channel *channel, const uint8_t *bytes, size_t size)
+static size_t record_size(const uint8_t *bytes, size_t size)
+{
+	if (owner->message != NULL)
+		return (size_t)owner->message(bytes, size);
+	return size < CHANNEL_RECORD_SIZE ? size : CHANNEL_RECORD_SIZE;
+}
+
+static ssize_t transmit_record(const struct channel *channel, const uint8_t *bytes, size_t size)
 {
 	uint32_t waits_for = 0;
-	int count = SSL_write(channel->tls, bytes, iec104_apdu_size(bytes, size));
+	int count = SSL_write(channel->tls, bytes, (int)record_size(bytes, size));
 
 	return count > 0 ? count : outcome(channel, count, &waits_for);
 }
@@ -361,17 +369,18 @@ static void hold_segments(const struct channel *channel, int hold)
 
 ssize_t channel_transmit(struct channel *channel, const uint8_t *bytes, size_t size)
 {
-	bool several = (size_t)iec104_apdu_size(bytes, size) < size;
+	bool several;
 	size_t sent = 0;
 	ssize_t count = 1;
 
 	if (channel->tls == NULL)
 		return bare_transmit(channel->fd, bytes, size);
 	ERR_clear_error();
+	several = record_size(bytes, size) < size;
 	if (several)
 		hold_segments(channel, true);
 	while (sent < size && count > 0) {
-		count = transmit_apdu(channel, bytes + sent, size - sent);
+		count = transmit_record(channel, bytes + sent, size - sent);
 		if (count > 0)
 			sent += (size_t)count;
 	}
@@ -426,6 +435,11 @@ static bool renew_keys(struct channel *channel)
 	renew_next_time(channel);
 	say(MAP_LOG_INFO, channel->peer, "its keys are renewed");
 	return true;
+}
+
+void channel_name(const struct channel *channel, char name[CHANNEL_NAME_SIZE])
+{
+	tls_common_name(SSL_get0_peer_certificate(channel->tls), name);
 }
 
 bool channel_keep(struct channel *channel, int64_t now_ns)

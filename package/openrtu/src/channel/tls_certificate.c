@@ -8,17 +8,19 @@
 #include <strings.h>
 #include <time.h>
 
-static const struct iec104_tls *settings;
+static const struct channel_tls *settings;
 static bool is_client;
+static const char *peers;
 static const char *expected;
 
 static struct {
 	int error; /* X509_V_... */
-	char name[TLS_NAME_SIZE];
+	char name[CHANNEL_NAME_SIZE];
 } refused;
 
-void tls_certificate_start(const struct iec104_tls *of_settings, bool controlling)
+void tls_certificate_start(const struct channel_tls *of_settings, bool controlling, const char *of_peers)
 {
+	peers = of_peers;
 	settings = of_settings;
 	is_client = controlling;
 }
@@ -31,7 +33,7 @@ void tls_expect(const char *name)
 /* ---- what is in it ----------------------------------------------------------------------- */
 
 /* A name with a NUL inside is none that anybody typed. */
-void tls_common_name(const X509 *certificate, char name[TLS_NAME_SIZE])
+void tls_common_name(const X509 *certificate, char name[CHANNEL_NAME_SIZE])
 {
 	const X509_NAME *subject = certificate != NULL ? X509_get_subject_name(certificate) : NULL;
 	int place = X509_NAME_get_index_by_NID(subject, NID_commonName, -1);
@@ -43,7 +45,7 @@ void tls_common_name(const X509 *certificate, char name[TLS_NAME_SIZE])
 		return;
 	length = ASN1_STRING_to_UTF8(&utf8, X509_NAME_ENTRY_get_data(X509_NAME_get_entry(subject, place)));
 	if (length > 0 && memchr(utf8, '\0', (size_t)length) == NULL)
-		snprintf(name, TLS_NAME_SIZE, "%.*s", length, (const char *)utf8);
+		snprintf(name, CHANNEL_NAME_SIZE, "%.*s", length, (const char *)utf8);
 	OPENSSL_free(utf8);
 }
 
@@ -57,7 +59,7 @@ void tls_date(const ASN1_TIME *time, char text[TLS_DATE_SIZE])
 }
 
 /* As `openssl x509 -fingerprint -sha256` prints it. */
-static void fingerprint(const X509 *certificate, char text[IEC104_TLS_MASTER_SIZE])
+static void fingerprint(const X509 *certificate, char text[CHANNEL_TLS_PEER_SIZE])
 {
 	unsigned char digest[EVP_MAX_MD_SIZE];
 	unsigned size = 0;
@@ -65,7 +67,7 @@ static void fingerprint(const X509 *certificate, char text[IEC104_TLS_MASTER_SIZ
 	X509_digest(certificate, EVP_sha256(), digest, &size);
 	text[0] = '\0';
 	for (unsigned i = 0; i < size; i++)
-		snprintf(text + 3 * i, IEC104_TLS_MASTER_SIZE - 3 * i, "%02X%s", digest[i],
+		snprintf(text + 3 * i, CHANNEL_TLS_PEER_SIZE - 3 * i, "%02X%s", digest[i],
 			 i + 1 < size ? ":" : "");
 }
 
@@ -73,28 +75,28 @@ static void fingerprint(const X509 *certificate, char text[IEC104_TLS_MASTER_SIZ
 
 static bool is_peer(const X509 *certificate)
 {
-	char name[TLS_NAME_SIZE], print[IEC104_TLS_MASTER_SIZE];
+	char name[CHANNEL_NAME_SIZE], print[CHANNEL_TLS_PEER_SIZE];
 
 	tls_common_name(certificate, name);
 	fingerprint(certificate, print);
 	if (expected != NULL)
 		return strcmp(expected, name) == 0 || strcasecmp(expected, print) == 0;
-	for (unsigned i = 0; i < settings->master_count && i < IEC104_TLS_MASTERS_MAX; i++)
-		if (strcmp(settings->masters[i], name) == 0 || strcasecmp(settings->masters[i], print) == 0)
+	for (unsigned i = 0; i < settings->peer_count && i < CHANNEL_TLS_PEERS_MAX; i++)
+		if (strcmp(settings->peers[i], name) == 0 || strcasecmp(settings->peers[i], print) == 0)
 			return true;
-	return settings->master_count == 0;
+	return settings->peer_count == 0;
 }
 
 int tls_verify(int good, X509_STORE_CTX *store)
 {
-	X509 *master = X509_STORE_CTX_get0_cert(store);
+	X509 *peer = X509_STORE_CTX_get0_cert(store);
 
-	if (good && X509_STORE_CTX_get_error_depth(store) == 0 && !is_peer(master)) {
+	if (good && X509_STORE_CTX_get_error_depth(store) == 0 && !is_peer(peer)) {
 		X509_STORE_CTX_set_error(store, X509_V_ERR_APPLICATION_VERIFICATION);
 		good = 0;
 	}
 	if (!good)
-		tls_refuse(X509_STORE_CTX_get_error(store), master);
+		tls_refuse(X509_STORE_CTX_get_error(store), peer);
 	return good;
 }
 
@@ -166,11 +168,17 @@ static const char *not_yet_valid(char text[TLS_WHY_SIZE], const char *what)
 	return text;
 }
 
+static const char *not_listed(char text[TLS_WHY_SIZE])
+{
+	snprintf(text, TLS_WHY_SIZE, "not in the list of %s", peers);
+	return text;
+}
+
 static const char *reason(char text[TLS_WHY_SIZE])
 {
 	switch (refused.error) {
 	case X509_V_ERR_APPLICATION_VERIFICATION:
-		return is_client ? "not the certificate of this station" : "not in the list of masters";
+		return is_client ? "not the certificate of this station" : not_listed(text);
 	case X509_V_ERR_UNABLE_TO_GET_ISSUER_CERT:
 	case X509_V_ERR_UNABLE_TO_GET_ISSUER_CERT_LOCALLY:
 	case X509_V_ERR_UNABLE_TO_VERIFY_LEAF_SIGNATURE:

@@ -8,8 +8,6 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "iec104/station.h"
-
 /* Level 2 of OpenSSL: RSA and DH of 2048 bits, elliptic curves of 224, no SHA-1. */
 #define SECURITY_LEVEL 2
 
@@ -18,7 +16,9 @@ static const char ciphers_1_2[] = "ECDHE-ECDSA-AES128-GCM-SHA256:ECDHE-RSA-AES12
 				  "ECDHE-ECDSA-AES256-GCM-SHA384:ECDHE-RSA-AES256-GCM-SHA384:"
 				  "DHE-RSA-AES128-GCM-SHA256:DHE-RSA-AES256-GCM-SHA384";
 
-static const unsigned char session_context[] = "rtu-iec104-tls";
+#define SESSIONS 16 /* as many as a module of ours has connections at most */
+
+static const unsigned char session_context[] = "openrtu";
 
 /* ---- files ------------------------------------------------------------------------------- */
 
@@ -85,7 +85,7 @@ static bool use_key(SSL_CTX *context, const char *path, char *error)
 	return refuse_content(error, "key", path);
 }
 
-/* The CA's name is sent too, so that a master with several certificates shows the right one. */
+/* The CA's name is sent too, so that a peer with several certificates shows the right one. */
 static bool use_ca(SSL_CTX *context, const char *path, char *error)
 {
 	STACK_OF(X509_NAME) * names;
@@ -114,7 +114,7 @@ static bool use_crl(SSL_CTX *context, const char *path, char *error)
 	return true;
 }
 
-static bool use_files(SSL_CTX *context, const struct iec104_tls *settings, char *error)
+static bool use_files(SSL_CTX *context, const struct channel_tls *settings, char *error)
 {
 	return use_certificate(context, settings->certificate, error) &&
 	       use_key(context, settings->key, error) &&
@@ -126,22 +126,22 @@ static bool use_files(SSL_CTX *context, const struct iec104_tls *settings, char 
 
 static bool use_versions(SSL_CTX *context, uint8_t versions)
 {
-	int least = versions & IEC104_TLS_1_2 ? TLS1_2_VERSION : TLS1_3_VERSION;
-	int most = versions & IEC104_TLS_1_3 ? TLS1_3_VERSION : TLS1_2_VERSION;
+	int least = versions & CHANNEL_TLS_1_2 ? TLS1_2_VERSION : TLS1_3_VERSION;
+	int most = versions & CHANNEL_TLS_1_3 ? TLS1_3_VERSION : TLS1_2_VERSION;
 
 	return SSL_CTX_set_min_proto_version(context, least) == 1 &&
 	       SSL_CTX_set_max_proto_version(context, most) == 1;
 }
 
 /*
- * Sessions lie in this process, one for each connection there can be, and not in tickets: a key of tickets would have
+ * Sessions lie in this process, and not in tickets: a key of tickets would have
  * to be changed in time, and with the process goes all that could be resumed.
  */
 static void use_sessions(SSL_CTX *context, uint32_t resumption_s)
 {
 	SSL_CTX_set_session_id_context(context, session_context, sizeof(session_context) - 1);
 	SSL_CTX_set_timeout(context, (long)resumption_s);
-	SSL_CTX_sess_set_cache_size(context, IEC104_CONNECTIONS_MAX);
+	SSL_CTX_sess_set_cache_size(context, SESSIONS);
 	SSL_CTX_set_session_cache_mode(context,
 				       resumption_s > 0 ? SSL_SESS_CACHE_SERVER : SSL_SESS_CACHE_OFF);
 	SSL_CTX_set_num_tickets(context, resumption_s > 0 ? 1 : 0); /* of TLS 1.3: names of such sessions */
@@ -157,22 +157,22 @@ static void use_client_sessions(SSL_CTX *context, uint32_t resumption_s)
 	SSL_CTX_clear_options(context, SSL_OP_NO_TICKET);
 }
 
-static bool use_rules(SSL_CTX *context, const struct iec104_tls *settings, bool controlling,
+static bool use_rules(SSL_CTX *context, const struct channel_tls *settings, bool controlling,
 		      SSL_verify_cb verify)
 {
 	SSL_CTX_set_security_level(context, SECURITY_LEVEL);
-	/* Who closes TCP without saying so in TLS is as gone as anybody: an APDU says its length itself. */
+	/* Who closes TCP without saying so in TLS is as gone as anybody: a message of our protocols says its length itself. */
 	SSL_CTX_set_options(context, SSL_OP_NO_RENEGOTIATION | SSL_OP_NO_COMPRESSION | SSL_OP_NO_TICKET |
 					 SSL_OP_CIPHER_SERVER_PREFERENCE | SSL_OP_IGNORE_UNEXPECTED_EOF);
 	/*
 	 * What is written may have moved and grown when it is offered again; an idle connection keeps no buffers; the
-	 * masters' CA is not added to the certificates that are sent.
+	 * peers' CA is not added to the certificates that are sent.
 	 */
 	SSL_CTX_set_mode(context, SSL_MODE_ACCEPT_MOVING_WRITE_BUFFER | SSL_MODE_RELEASE_BUFFERS |
 				      SSL_MODE_NO_AUTO_CHAIN);
 	/* A record without data, of which a peer may send many, does not keep a call from returning. */
 	SSL_CTX_clear_mode(context, SSL_MODE_AUTO_RETRY);
-	SSL_CTX_set_max_send_fragment(context, IEC104_OUTPUT_SIZE);
+	SSL_CTX_set_max_send_fragment(context, CHANNEL_RECORD_SIZE);
 	SSL_CTX_set_dh_auto(context, 1);
 	if (verify != NULL)
 		SSL_CTX_set_verify(context, SSL_VERIFY_PEER | SSL_VERIFY_FAIL_IF_NO_PEER_CERT, verify);
@@ -184,7 +184,7 @@ static bool use_rules(SSL_CTX *context, const struct iec104_tls *settings, bool 
 	       SSL_CTX_set_cipher_list(context, ciphers_1_2) == 1;
 }
 
-SSL_CTX *tls_context_create(const struct iec104_tls *settings, bool controlling, SSL_verify_cb verify,
+SSL_CTX *tls_context_create(const struct channel_tls *settings, bool controlling, SSL_verify_cb verify,
 			    char *error)
 {
 	SSL_CTX *context;

@@ -6,16 +6,17 @@
 #include <openssl/ssl.h>
 #include <stdbool.h>
 
-#include "iec104/config.h"
+#include "channel/config.h"
 
-#define TLS_ERROR_SIZE 256
+#define TLS_ERROR_SIZE      256
+#define CHANNEL_RECORD_SIZE 4096 /* octets at most; a connection that sends keeps so much memory */
 
 /*
  * Reads the files of the settings. controlling: of the side that connects. verify: OpenSSL's callback for each certificate that
  * the peer shows; NULL: it need not show any, and there is no CA. NULL: a file is
  * missing, unfit, or a key that others may read; error, of TLS_ERROR_SIZE bytes, says which and why.
  */
-SSL_CTX *tls_context_create(const struct iec104_tls *settings, bool controlling, SSL_verify_cb verify,
+SSL_CTX *tls_context_create(const struct channel_tls *settings, bool controlling, SSL_verify_cb verify,
 			    char *error);
 
 #endif

@@ -73,10 +73,10 @@ static enum state state_of(const X509 *certificate, int *days)
 	return ASN1_TIME_diff(days, &seconds, NULL, end) == 1 && *days < AHEAD_DAYS ? ENDS_SOON : GOOD;
 }
 
-/* The masters judge it, by their own clocks: ours may be wrong. */
+/* The peers judge it, by their own clocks: ours may be wrong. */
 static void watch_own(tls_dates_say say, const X509 *certificate, int64_t now_ns)
 {
-	char name[TLS_NAME_SIZE], until[TLS_DATE_SIZE];
+	char name[CHANNEL_NAME_SIZE], until[TLS_DATE_SIZE];
 	int days = 0;
 	enum state state = state_of(certificate, &days);
 

@@ -40,7 +40,7 @@ static bool is_same(const struct stamp *one, const struct stamp *other)
 	       is_same_time(one->modified, other->modified) && is_same_time(one->changed, other->changed);
 }
 
-bool tls_files_changed(const struct iec104_tls *settings)
+bool tls_files_changed(const struct channel_tls *settings)
 {
 	const char *const paths[FILES] = {settings->certificate, settings->key, settings->ca, settings->crl};
 	bool changed = false;

@@ -3,9 +3,9 @@
 #ifndef OPENRTU_CHANNEL_TLS_FILES_H
 #define OPENRTU_CHANNEL_TLS_FILES_H
 
-#include "iec104/config.h"
+#include "channel/config.h"
 
 /* True: a file is another one than at the call before, by its inode, size and times; also at the first call. */
-bool tls_files_changed(const struct iec104_tls *settings);
+bool tls_files_changed(const struct channel_tls *settings);
 
 #endif

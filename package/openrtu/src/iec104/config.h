@@ -3,6 +3,7 @@
 #ifndef OPENRTU_IEC104_CONFIG_H
 #define OPENRTU_IEC104_CONFIG_H
 
+#include "channel/config.h"
 #include "map/config.h"
 
 #define IEC104_SETTINGS MAP_SECTION_ID('I', '1', '0', '4')
@@ -11,10 +12,6 @@
 #define IEC104_MASTERS_MAX       32 /* addresses in "masters" */
 #define IEC104_GROUP_MASTERS_MAX 8  /* addresses of a redundancy group */
 
-/* Of "tls": the list "masters", and a SHA-256 fingerprint as openssl prints it. */
-#define IEC104_TLS_MASTERS_MAX 16
-#define IEC104_TLS_MASTER_SIZE 96
-
 /*
  * A redundancy group: controlling stations, or connections of one, of which one at a time is sent the events. Its queue is
  * the one of the same number among the named ones of the map's settings.
@@ -22,22 +19,6 @@
 struct iec104_group {
 	uint32_t master_count;
 	char masters[IEC104_GROUP_MASTERS_MAX][MAP_ADDRESS_SIZE];
-};
-
-enum iec104_tls_version { IEC104_TLS_1_2 = 1u << 0, IEC104_TLS_1_3 = 1u << 1 };
-
-/* How rtu-iec104-tls proves who it is and asks who its masters are. IEC 62351-3. The files hold PEM. */
-struct iec104_tls {
-	char certificate[MAP_FILE_SIZE]; /* and what leads from it to its CA; empty: no TLS */
-	char key[MAP_FILE_SIZE];
-	char ca[MAP_FILE_SIZE];  /* whose certificates the masters have */
-	char crl[MAP_FILE_SIZE]; /* of each of these CAs; empty: nothing is revoked */
-	uint32_t resumption_s;   /* how long a session may be resumed, 0: never */
-	uint32_t renewal_s;      /* how old a connection's keys become */
-	uint8_t versions;        /* enum iec104_tls_version */
-	uint8_t master_count;    /* 0: whoever has a certificate from the CA */
-	uint8_t reserved[2];
-	char masters[IEC104_TLS_MASTERS_MAX][IEC104_TLS_MASTER_SIZE]; /* common names and fingerprints */
 };
 
 /* Times of IEC 60870-5-104, 9.6. */
@@ -60,7 +41,7 @@ struct iec104_settings {
 	char masters[IEC104_MASTERS_MAX][MAP_ADDRESS_SIZE];
 	struct iec104_group groups[MAP_NAMED_QUEUES_MAX];
 	uint32_t originators_refused[8]; /* a bit for each originator address that may not command */
-	struct iec104_tls tls;
+	struct channel_tls tls;
 };
 
 static inline struct iec104_settings *iec104_settings(const struct map_config *config)
@@ -71,7 +52,7 @@ static inline struct iec104_settings *iec104_settings(const struct map_config *c
 /* rtu-iec104-tls is the module's program. */
 static inline bool iec104_tls_used(const struct iec104_settings *settings)
 {
-	return settings->tls.certificate[0] != '\0';
+	return channel_tls_used(&settings->tls);
 }
 
 #endif

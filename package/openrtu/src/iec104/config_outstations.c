@@ -5,12 +5,12 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "channel/config_tls.h"
 #include "config/address.h"
 #include "config/commands.h"
 #include "config/names.h"
 #include "config/sets.h"
 #include "config/zone.h"
-#include "iec104/config_readers.h"
 #include "iec104/geoposition.h"
 #include "iec104/outstations.h"
 
@@ -66,7 +66,7 @@ static const struct config_rule outstation_rules[OUTSTATION_KEYS] = {
 			      .high = IEC104_OUTSTATION_LINKS_MAX},
     [OUTSTATION_PORT] = {"port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = PORT_PLAIN},
     [OUTSTATION_SECURE] = {"secure", CONFIG_BOOLEAN},
-    [OUTSTATION_CERTIFICATE] = {"certificate", CONFIG_TEXT, .low = 1, .high = IEC104_TLS_MASTER_SIZE - 1},
+    [OUTSTATION_CERTIFICATE] = {"certificate", CONFIG_TEXT, .low = 1, .high = CHANNEL_TLS_PEER_SIZE - 1},
     [OUTSTATION_K] = {"k", CONFIG_INTEGER, .low = 1, .high = 32767, .fallback = 12},
     [OUTSTATION_W] = {"w", CONFIG_INTEGER, .low = 1, .high = 32767, .fallback = 8},
     [OUTSTATION_T1] = {"t1", CONFIG_INTEGER, .low = 2, .high = 255, .fallback = 15},
@@ -411,7 +411,7 @@ static void read_security(struct config_loader *loader, const struct config_plac
 		outstation->port = PORT_TLS;
 	if (!values[OUTSTATION_CERTIFICATE].given)
 		return;
-	if (!iec104_names_certificate(values[OUTSTATION_CERTIFICATE].text))
+	if (!channel_names_certificate(values[OUTSTATION_CERTIFICATE].text))
 		config_error(&loader->report, &certificate,
 			     "is neither a common name nor a SHA-256 fingerprint as AB:CD:...");
 	if (!outstation->secure)
@@ -553,8 +553,8 @@ static bool add_tls(struct config_loader *loader, const json_t *root)
 
 	if (json_object_get(root, file_rules[FILE_TLS].name) == NULL)
 		return true;
-	tls = config_allocate(1, sizeof(struct iec104_tls));
-	map_add_section(loader->config, IEC104_OUTSTATION_TLS, sizeof(struct iec104_tls), 1, tls);
+	tls = config_allocate(1, sizeof(struct channel_tls));
+	map_add_section(loader->config, IEC104_OUTSTATION_TLS, sizeof(struct channel_tls), 1, tls);
 	return tls != NULL;
 }
 
@@ -608,8 +608,8 @@ static bool finish(struct config_loader *loader, void *own_part)
 		return true;
 	}
 	if (own->tls != NULL)
-		iec104_read_tls(&loader->report, &tls, own->tls, false,
-				iec104_outstation_tls(loader->config));
+		channel_read_tls(&loader->report, &tls, own->tls, NULL,
+				 iec104_outstation_tls(loader->config));
 	json_array_foreach(own->outstations, i, outstation)
 	{
 		const struct config_place place = config_element_of(&array, i);

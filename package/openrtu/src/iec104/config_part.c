@@ -4,6 +4,7 @@
 
 #include <stdlib.h>
 
+#include "channel/config_tls.h"
 #include "config/address.h"
 #include "iec104/config_readers.h"
 #include "iec104/geoposition.h"
@@ -200,8 +201,8 @@ static void read_part(struct config_loader *loader, void *own, const struct conf
 	read_settings(loader, &settings, values[FILE_IEC104].given ? values[FILE_IEC104].json : NULL,
 		      values[FILE_TLS].given);
 	if (values[FILE_TLS].given)
-		iec104_read_tls(&loader->report, &tls, values[FILE_TLS].json, true,
-				&iec104_settings(loader->config)->tls);
+		channel_read_tls(&loader->report, &tls, values[FILE_TLS].json, file_rules[FILE_MASTERS].name,
+				 &iec104_settings(loader->config)->tls);
 	read_controlling_stations(loader, &file, values);
 }
 

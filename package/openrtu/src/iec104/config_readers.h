@@ -6,14 +6,6 @@
 #include "config/files.h"
 #include "iec104/config.h"
 
-/* ---- config_tls.c ------------------------------------------------------------------------ */
-
-/* Fills the TLS of a controlled station, or of one that controls. json: the object "tls" of the file. */
-void iec104_read_tls(struct config_report *report, const struct config_place *place, const json_t *json,
-		     bool controlled, struct iec104_tls *tls);
-/* A common name, or a SHA-256 fingerprint. */
-bool iec104_names_certificate(const char *text);
-
 /* ---- config_masters.c -------------------------------------------------------------------- */
 
 /*

@@ -37,7 +37,7 @@ struct iec104_outstation {
 	uint32_t first_set, set_count;                 /* among those of all outstations */
 	struct map_zone zone;                          /* of its time tags */
 	bool secure;                                   /* with TLS */
-	char certificate[IEC104_TLS_MASTER_SIZE]; /* its common name or fingerprint; empty: any of the CA */
+	char certificate[CHANNEL_TLS_PEER_SIZE]; /* its common name or fingerprint; empty: any of the CA */
 };
 
 /* A common address of an outstation, which is a set of the map. */
@@ -76,9 +76,9 @@ static inline const struct iec104_outstation_point *iec104_outstation_points(con
 }
 
 /* Who the gateway is for outstations with TLS. NULL: there is none of these. */
-static inline struct iec104_tls *iec104_outstation_tls(const struct map_config *config)
+static inline struct channel_tls *iec104_outstation_tls(const struct map_config *config)
 {
-	return map_records(config, IEC104_OUTSTATION_TLS, sizeof(struct iec104_tls));
+	return map_records(config, IEC104_OUTSTATION_TLS, sizeof(struct channel_tls));
 }
 
 #endif

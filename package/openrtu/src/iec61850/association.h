@@ -14,6 +14,7 @@ enum iec61850_end {
 	IEC61850_DAMAGED,      /* what came is no message of these protocols, or asks for what we have not */
 	IEC61850_SILENT_START, /* no association came about in time */
 	IEC61850_STUCK,        /* the client does not take what it asked for */
+	IEC61850_NOT_SECURE,   /* its certificate is no longer good, or its keys are too old */
 };
 
 struct iec61850_association {

@@ -3,6 +3,7 @@
 #ifndef OPENRTU_IEC61850_CONFIG_H
 #define OPENRTU_IEC61850_CONFIG_H
 
+#include "channel/config.h"
 #include "map/config.h"
 
 #define IEC61850_KIND        "iec61850"
@@ -34,6 +35,7 @@ struct iec61850_settings {
 	uint32_t report_buffer; /* changes that are kept for buffered reports: a power of two */
 	uint16_t port;
 	bool normal_security; /* of commands: without a CommandTermination */
+	struct channel_tls tls;
 };
 
 #define IEC61850_SET_SIZE    33 /* a data set's name, as Edition 2 has it */

@@ -5,20 +5,36 @@
 #include <ctype.h>
 #include <stdlib.h>
 
+#include "channel/config_tls.h"
 #include "config/address.h"
 #include "iec61850/config.h"
 
 #define PORT          102
+#define PORT_TLS      3782 /* IANA: iso-tp0s */
 #define MAX_PDU       16000
 #define REPORT_BUFFER 2048
 
 static const struct config_rule file_rule = {.name = "iec61850", .kind = CONFIG_OBJECT};
 
-enum { ADDRESS, PORT_KEY, IED, CLIENTS, CONTROLLERS, SECURITY, ASSOCIATIONS, PDU, BUFFER, DATA_SETS, KEYS };
+enum {
+	ADDRESS,
+	PORT_KEY,
+	TLS,
+	IED,
+	CLIENTS,
+	CONTROLLERS,
+	SECURITY,
+	ASSOCIATIONS,
+	PDU,
+	BUFFER,
+	DATA_SETS,
+	KEYS
+};
 static const char *const securities[] = {"enhanced", "normal", NULL};
 static const struct config_rule rules[KEYS] = {
     [ADDRESS] = {"address", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_ADDRESS_SIZE - 1},
     [PORT_KEY] = {"port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = PORT},
+    [TLS] = {"tls", CONFIG_OBJECT},
     [IED] = {"ied", CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1},
     [CLIENTS] = {"clients", CONFIG_ARRAY, .high = IEC61850_CLIENTS_MAX},
     [CONTROLLERS] = {"controllers", CONFIG_ARRAY, .high = IEC61850_CLIENTS_MAX},
@@ -60,6 +76,19 @@ static void read_ied(struct config_loader *loader, const struct config_place *pl
 			     settings->ied);
 }
 
+/* IEC 62351-4: the secure profile has a port of its own. */
+static void read_tls(struct config_loader *loader, const struct config_place *place,
+		     const struct config_value *keys, struct iec61850_settings *settings)
+{
+	const struct config_place here = config_key_of(place, rules[TLS].name);
+
+	if (!keys[TLS].given)
+		return;
+	channel_read_tls(&loader->report, &here, keys[TLS].json, rules[CLIENTS].name, &settings->tls);
+	if (!keys[PORT_KEY].given)
+		settings->port = PORT_TLS;
+}
+
 static uint32_t power_above(uint32_t number)
 {
 	uint32_t power = IEC61850_BUFFER_MIN;
@@ -93,6 +122,7 @@ static void read_part(struct config_loader *loader, void *own_memory, const stru
 	settings->associations = (uint32_t)keys[ASSOCIATIONS].integer;
 	settings->max_pdu = (uint32_t)keys[PDU].integer;
 	settings->report_buffer = power_above((uint32_t)keys[BUFFER].integer);
+	read_tls(loader, &place, keys, settings);
 	read_ied(loader, &place, &keys[IED], settings);
 	if (keys[ADDRESS].given)
 		config_read_address(&loader->report, &address, keys[ADDRESS].text, settings->address);

@@ -44,6 +44,12 @@ enum { OWES_ERROR = 1, OWES_ANSWER = 2, OWES_TERMINATION = 4 };
 
 /* ---- records ----------------------------------------------------------------------------- */
 
+/* Whether its client waits for it, or has selected it. */
+static bool is_live(const struct iec61850_control *control)
+{
+	return control->phase != IEC61850_CONTROL_OVER && control->phase != IEC61850_ORPHANED;
+}
+
 static bool is_free(const struct iec61850_control *control)
 {
 	return control->phase == IEC61850_CONTROL_OVER && control->owes == 0;
@@ -53,8 +59,7 @@ static bool is_free(const struct iec61850_control *control)
 static struct iec61850_control *find_live(struct iec61850_server *server, uint32_t point)
 {
 	for (unsigned i = 0; i < IEC61850_CONTROLS; i++)
-		if (server->controls[i].client == server->client &&
-		    server->controls[i].phase != IEC61850_CONTROL_OVER &&
+		if (server->controls[i].client == server->client && is_live(&server->controls[i]) &&
 		    server->controls[i].request.point == point)
 			return &server->controls[i];
 	return NULL;
@@ -96,12 +101,12 @@ static void owe(struct iec61850_control *control, unsigned what)
 /* ---- the map's side ---------------------------------------------------------------------- */
 
 /* Back to inactive: the owner sees to it that only who was last served can do that, and that nothing under way is touched. */
-static void release(struct iec61850_server *server, const struct iec61850_control *control)
+static bool release(struct iec61850_server *server, const struct iec61850_control *control)
 {
 	struct map_request request = control->request;
 
 	request.action = MAP_RELEASE;
-	map_request_post(server->map, request);
+	return map_request_post(server->map, request) != 0;
 }
 
 static void refuse(struct iec61850_server *server, struct iec61850_control *control, enum add_cause cause)
@@ -200,6 +205,13 @@ static void accept_selection(struct iec61850_server *server, struct iec61850_con
 	}
 }
 
+static void complete(struct iec61850_server *server, struct iec61850_control *control)
+{
+	if (is_enhanced(server, control))
+		owe(control, OWES_TERMINATION);
+	control->phase = IEC61850_CONTROL_OVER;
+}
+
 static void conclude(struct iec61850_server *server, struct iec61850_control *control,
 		     const struct map_answer *answer)
 {
@@ -210,9 +222,7 @@ static void conclude(struct iec61850_server *server, struct iec61850_control *co
 			refuse(server, control, NO_CAUSE);
 			break;
 		}
-		if (is_enhanced(server, control))
-			owe(control, OWES_TERMINATION);
-		control->phase = IEC61850_CONTROL_OVER;
+		complete(server, control);
 		break;
 	case MAP_INTERRUPTED_SELECTION:
 		if (control->phase != IEC61850_CANCELLING) {
@@ -233,7 +243,7 @@ void iec61850_control_answer(struct iec61850_server *server, const struct map_an
 	for (unsigned i = 0; i < IEC61850_CONTROLS; i++) {
 		struct iec61850_control *control = &server->controls[i];
 
-		if (control->phase == IEC61850_CONTROL_OVER || control->phase == IEC61850_SELECTED ||
+		if (!is_live(control) || control->phase == IEC61850_SELECTED ||
 		    control->request.id != answer->id)
 			continue;
 		if (answer->state == MAP_ACCEPTED_SELECTION)
@@ -267,14 +277,24 @@ static bool selection_is_over(const struct iec61850_server *server, const struct
 
 static void look_after(struct iec61850_server *server, struct iec61850_control *control)
 {
+	if (control->phase == IEC61850_ORPHANED) {
+		if (release(server, control))
+			control->phase = IEC61850_CONTROL_OVER;
+		return;
+	}
 	if (control->phase == IEC61850_SELECTED) {
 		if (selection_is_over(server, control) && !(control->owes & OWES_ANSWER))
 			control->phase = IEC61850_CONTROL_OVER;
 		return;
 	}
-	/* A command that may have been carried out is of unknown fate: negative, and not repeated. */
-	if (owner_has_ended(server, control) || server->now_ns > control->request.deadline_ns + LONGEST_NS)
+	if (!owner_has_ended(server, control) && server->now_ns <= control->request.deadline_ns + LONGEST_NS)
+		return;
+	/* What the device has confirmed is done. Else its fate is unknown: negative, and not repeated. */
+	if (control->phase == IEC61850_EXECUTING)
+		complete(server, control);
+	else
 		refuse(server, control, COMMUNICATION_LOSS);
+	control->phase = IEC61850_ORPHANED;
 }
 
 void iec61850_controls_tick(struct iec61850_server *server)
@@ -315,12 +335,24 @@ static unsigned objection(const struct iec61850_server *server, const struct iec
 	return wish->out_of_range ? NOT_SUPPORTED : 0;
 }
 
+/* What follows it takes its place at the owner. */
+static void forget_orphan(struct iec61850_server *server, uint32_t point)
+{
+	for (unsigned i = 0; i < IEC61850_CONTROLS; i++)
+		if (server->controls[i].client == server->client &&
+		    server->controls[i].phase == IEC61850_ORPHANED &&
+		    server->controls[i].request.point == point)
+			server->controls[i].phase = IEC61850_CONTROL_OVER;
+}
+
 /* A service that is not the continuation of its client's selection begins a command of its own. */
 static struct iec61850_control *begin(struct iec61850_server *server, const struct iec61850_object *object,
 				      const struct iec61850_wish *wish)
 {
-	struct iec61850_control *control = find_free(server);
+	struct iec61850_control *control;
 
+	forget_orphan(server, iec61850_point_of(&server->model, object));
+	control = find_free(server);
 	if (control == NULL)
 		return NULL;
 	*control = (struct iec61850_control){.client = server->client,

@@ -25,14 +25,18 @@ static void bound_block(const struct iec61850_buffer *buffer, uint32_t number)
 		block->floor = buffer->next;
 }
 
+/* What nobody has ever used stays untouched, and so takes no memory. */
 static void empty(const struct iec61850_buffer *buffer)
 {
+	if (buffer->history.head->revision == 0)
+		return;
 	memset(buffer->history.entries, 0, buffer->history.size * sizeof(*buffer->history.entries));
 	memset(buffer->history.readers, 0, IEC61850_KEPT_ALL * sizeof(*buffer->history.readers));
 }
 
 enum iec61850_begun iec61850_buffer_begin(struct iec61850_buffer *buffer, void *section,
-					  const struct map_config *config, uint32_t revision, uint32_t start)
+					  const struct map_config *config, uint32_t blocks, uint32_t revision,
+					  uint32_t start)
 {
 	struct map_history_head *head;
 	enum iec61850_begun begun = IEC61850_GOES_ON;
@@ -55,12 +59,13 @@ enum iec61850_begun iec61850_buffer_begin(struct iec61850_buffer *buffer, void *
 	}
 	if (buffer->next == 0) /* no entry has the number 0 */
 		buffer->next = 1;
-	for (uint32_t i = 0; i < IEC61850_KEPT_ALL; i++)
+	for (uint32_t i = 0; i < blocks; i++)
 		bound_block(buffer, i);
+	for (uint32_t i = 0, oldest = iec61850_buffer_oldest(buffer); i < blocks; i++)
+		if (begun != IEC61850_GOES_ON || iec61850_buffer_block(buffer, i)->next == 0)
+			begin_block(buffer, i, oldest);
 	if (begun == IEC61850_GOES_ON)
 		return begun;
-	for (uint32_t i = 0, oldest = iec61850_buffer_oldest(buffer); i < IEC61850_KEPT_ALL; i++)
-		begin_block(buffer, i, oldest);
 	head->revision = revision;
 	head->first = buffer->next;
 	iec61850_buffer_settle(buffer, &(const struct map_cursor){.lost = 0});

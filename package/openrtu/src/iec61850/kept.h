@@ -54,11 +54,13 @@ static inline size_t iec61850_section_size(const struct map_config *config)
 }
 
 /*
- * Finds everything in a section of this size, which a former process or the journal has filled, for the same points or not. Where the
- * numbers begin anew or have a gap, start is that of what follows, and the place is the caller's to set.
+ * Finds everything in a section of this size, which a former process or the journal has filled, for the same points or not. blocks: so
+ * many readers are used, the first ones. Where the numbers begin anew or have a gap, start is that of what follows, and the place is the
+ * caller's to set.
  */
 enum iec61850_begun iec61850_buffer_begin(struct iec61850_buffer *buffer, void *section,
-					  const struct map_config *config, uint32_t revision, uint32_t start);
+					  const struct map_config *config, uint32_t blocks, uint32_t revision,
+					  uint32_t start);
 static inline struct iec61850_kept_block *iec61850_buffer_block(const struct iec61850_buffer *buffer,
 								uint32_t number)
 {

@@ -41,6 +41,7 @@ enum iec61850_phase {
 	IEC61850_OPERATING,   /* the device has not confirmed it yet */
 	IEC61850_EXECUTING,   /* it has */
 	IEC61850_CANCELLING,
+	IEC61850_ORPHANED, /* it has ended with the point's owner, whose next process is to release it */
 };
 
 /* A command of a client, from its selection to its end: iec61850/control.h. */

@@ -694,7 +694,7 @@ static void make_places(struct iec61850_model *model)
 				    iec61850_nodes_of(model, device, ln, number, IEC61850_MX).count > 0;
 
 				model->places[model->points[device->lns[ln].first + j]] =
-				    (struct iec61850_place){.device = i,
+				    (struct iec61850_place){.device = (uint16_t)i,
 							    .ln = ln,
 							    .number = number,
 							    .member = IEC61850_NO_MEMBER,

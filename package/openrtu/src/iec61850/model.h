@@ -125,10 +125,10 @@ struct iec61850_device {
 
 /* Where a point is in the model. */
 struct iec61850_place {
-	uint32_t device;
 	uint32_t ln, number; /* of its data object */
 	uint32_t member;     /* the first one that it is; IEC61850_NO_MEMBER: of no data set */
-	uint8_t fc;          /* under which its value is: enum iec61850_fc */
+	uint16_t device;
+	uint8_t fc; /* under which its value is: enum iec61850_fc */
 };
 
 struct iec61850_model {

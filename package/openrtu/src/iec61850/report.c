@@ -192,14 +192,25 @@ static void take_image(struct iec61850_model *model, enum iec61850_begun begun)
 	}
 }
 
+/* So many readers that blocks may have. */
+static uint32_t kept_blocks(const struct iec61850_model *model)
+{
+	uint32_t count = 0;
+
+	for (uint32_t i = 0; i < model->block_count; i++)
+		if (model->blocks[i].buffered && model->blocks[i].kept_number >= count)
+			count = model->blocks[i].kept_number + 1;
+	return count;
+}
+
 void iec61850_report_begin(struct iec61850_server *server, void *section, struct map_cursor *cursor,
 			   uint32_t start)
 {
 	struct iec61850_model *model = &server->model;
 	struct iec61850_buffer *buffer = &model->buffer;
 
-	const enum iec61850_begun begun =
-	    iec61850_buffer_begin(buffer, section, model->config, numbering(model), start);
+	const enum iec61850_begun begun = iec61850_buffer_begin(buffer, section, model->config,
+								kept_blocks(model), numbering(model), start);
 
 	server->catching_up = begun == IEC61850_GOES_ON;
 	for (uint32_t i = 0; i < model->block_count; i++)

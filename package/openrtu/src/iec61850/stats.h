@@ -21,6 +21,7 @@ enum iec61850_counter {
 	IEC61850_COUNT_EVENTS_LOST,
 	IEC61850_COUNT_COMMANDS,         /* executions that were asked for */
 	IEC61850_COUNT_COMMANDS_REFUSED, /* services of commands that were refused, or failed */
+	IEC61850_COUNT_HANDSHAKES_REFUSED,
 	IEC61850_COUNT_OF_COUNTERS
 };
 
@@ -33,6 +34,7 @@ struct iec61850_shown_association {
 	bool associated;
 	uint32_t pdu; /* octets that were agreed */
 	int64_t since_ns;
+	char certificate[CHANNEL_NAME_SIZE]; /* its common name; empty: there is none */
 };
 
 struct iec61850_shown_block {

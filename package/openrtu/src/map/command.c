@@ -480,6 +480,21 @@ static void recover_pulse(struct map_command *command)
  * What was under way when the former generation died is never repeated, and nobody knows its fate, unless the device had
  * confirmed it and there was no pulse to end.
  */
+static bool end_orphan(struct map_command *command)
+{
+	if (command->state == MAP_EXECUTING && command->result == MAP_RESULT_DONE && command->pulse_ms == 0) {
+		command->state = MAP_EXECUTED_COMMAND;
+	} else if (command->state == MAP_EXECUTING) {
+		command->state = MAP_REFUSED_COMMAND;
+		command->result = MAP_RESULT_UNKNOWN_FATE;
+	} else if (command->state == MAP_ACCEPTED_SELECTION) {
+		command->state = MAP_INTERRUPTED_SELECTION;
+	} else {
+		return false;
+	}
+	return true;
+}
+
 static void recover_command(struct command_cell *cell)
 {
 	unsigned whole = latch_whole_copy(&cell->latch);
@@ -487,16 +502,8 @@ static void recover_command(struct command_cell *cell)
 
 	cell->copies[!whole] = command;
 	recover_pulse(&command);
-	if (command.state == MAP_EXECUTING && command.result == MAP_RESULT_DONE && command.pulse_ms == 0) {
-		command.state = MAP_EXECUTED_COMMAND;
-	} else if (command.state == MAP_EXECUTING) {
-		command.state = MAP_REFUSED_COMMAND;
-		command.result = MAP_RESULT_UNKNOWN_FATE;
-	} else if (command.state == MAP_ACCEPTED_SELECTION) {
-		command.state = MAP_INTERRUPTED_SELECTION;
-	} else {
+	if (!end_orphan(&command))
 		return;
-	}
 	command.time_ns = map_now_ns();
 	store(cell, &command);
 }
@@ -526,6 +533,26 @@ static void end_selection(const struct map *map, struct map_command *command)
 		command->time_ns = command->until_ns;
 }
 
+/* It says nothing of its commands any more, and its next process, which does not go on with them, not yet. */
+static bool has_ended(const struct map *map, uint32_t owner)
+{
+	const struct module_status *status = &map->directory->modules[owner];
+	const struct segment_header *header = map->segments[owner].header;
+
+	switch ((enum map_module_state)atomic_load(&status->state)) {
+	case MAP_MODULE_DOWN:
+	case MAP_MODULE_STOPPED:
+		return true;
+	case MAP_MODULE_STARTING:
+		return atomic_load(&header->generation) != atomic_load(&status->generation) &&
+		       atomic_load(&header->carried) == 0;
+	case MAP_MODULE_RUNNING:
+	case MAP_MODULE_SWITCHING:
+		break;
+	}
+	return false;
+}
+
 bool map_command_read(const struct map *map, uint32_t point, struct map_command *out)
 {
 	const struct segment *segment = &map->segments[map_owner(map, point)];
@@ -541,6 +568,8 @@ bool map_command_read(const struct map *map, uint32_t point, struct map_command 
 		return false;
 	*out = is_past(map, command.time_ns) ? command : (struct map_command){.state = MAP_INACTIVE};
 	end_selection(map, out);
+	if (has_ended(map, map_owner(map, point)))
+		end_orphan(out);
 	return true;
 }
 

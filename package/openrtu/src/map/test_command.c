@@ -177,6 +177,27 @@ static void test_a_selection_ends_with_its_requesters_process(void **state)
 	end_commands(&commands);
 }
 
+static void test_a_command_ends_with_its_owners_process(void **state)
+{
+	struct stage *stage = *state;
+	struct command_stage commands = start_commands(stage);
+	struct map_command command;
+
+	assert_true(post(&commands, request(1, MAP_EXECUTE, 1, 1)));
+	assert_true(post(&commands, request(2, MAP_EXECUTE, 2, 2)));
+	map_command_confirm(commands.owner, 2);
+	assert_false(post(&commands, request(3, MAP_SELECT, 3, 3)));
+	map_module_ended(stage->rtud, map_owner(stage->rtud, 1), true);
+	assert_command(stage, 1, MAP_REFUSED_COMMAND);
+	map_module_starting(stage->rtud, map_owner(stage->rtud, 1));
+	assert_true(map_command_read(stage->rtud, 1, &command));
+	assert_int_equal(command.state, MAP_REFUSED_COMMAND);
+	assert_int_equal(command.result, MAP_RESULT_UNKNOWN_FATE);
+	assert_command(stage, 2, MAP_EXECUTED_COMMAND);
+	assert_command(stage, 3, MAP_INTERRUPTED_SELECTION);
+	end_commands(&commands);
+}
+
 static void test_one_command_a_point_at_a_time(void **state)
 {
 	struct stage *stage = *state;
@@ -290,6 +311,7 @@ int main(void)
 	    TEST(test_a_selection_is_cancelled_by_its_holder),
 	    TEST(test_a_selection_ends_by_itself),
 	    TEST(test_a_selection_ends_with_its_requesters_process),
+	    TEST(test_a_command_ends_with_its_owners_process),
 	    TEST(test_one_command_a_point_at_a_time),
 	    TEST(test_old_and_impossible_commands_are_refused),
 	    TEST(test_nothing_is_repeated_after_a_crash),

@@ -33,7 +33,7 @@
 #endif
 
 static const char *const programs[] = {"rtu-modbus", "rtu-iec104", "rtu-iec104-tls", "rtu-journal",
-				       "rtu-logic"};
+				       "rtu-logic", "rtu-iec61850", "rtu-iec61850-tls"};
 
 struct call {
 	long number;
@@ -49,7 +49,7 @@ static long make(const struct call *call)
 
 static const struct kind_program *program_named(const char *name)
 {
-	static const char *const kinds[] = {"modbus", "iec104", "journal", "logic"};
+	static const char *const kinds[] = {"modbus", "iec104", "journal", "logic", "iec61850"};
 
 	for (size_t i = 0; i < COUNT(kinds); i++) {
 		const struct kind *kind = kinds_find(kinds[i]);
@@ -164,10 +164,10 @@ static const struct {
     {"rtu-modbus", {SYS_flock, {-1}}},
     {"rtu-modbus", {SYS_ioctl, {-1, TIOCEXCL}}},
     {"rtu-modbus rtu-iec104 rtu-iec104-tls", {SYS_epoll_ctl, {-1}}},
-    {"rtu-modbus rtu-iec104 rtu-iec104-tls", {SYS_setsockopt, {-1}}},
-    {"rtu-iec104 rtu-iec104-tls", {SYS_accept4, {-1}}},
-    {"rtu-modbus rtu-iec104 rtu-iec104-tls rtu-journal rtu-logic", {SYS_openat, {-1, 0, O_RDWR}}},
-    {"rtu-modbus rtu-iec104 rtu-iec104-tls rtu-journal rtu-logic", {SYS_openat, {-1, 0, O_RDONLY}}},
+    {"rtu-modbus rtu-iec104 rtu-iec104-tls rtu-iec61850 rtu-iec61850-tls", {SYS_setsockopt, {-1}}},
+    {"rtu-iec104 rtu-iec104-tls rtu-iec61850 rtu-iec61850-tls", {SYS_accept4, {-1}}},
+    {"rtu-modbus rtu-iec104 rtu-iec104-tls rtu-journal rtu-logic rtu-iec61850-tls", {SYS_openat, {-1, 0, O_RDWR}}},
+    {"rtu-modbus rtu-iec104 rtu-iec104-tls rtu-journal rtu-logic rtu-iec61850-tls", {SYS_openat, {-1, 0, O_RDONLY}}},
     {"rtu-journal", {SYS_openat, {-1, 0, O_RDWR | O_CREAT}}},
     {"rtu-journal", {SYS_renameat, {-1}}},
     {"rtu-journal", {SYS_unlinkat, {-1}}},

@@ -19,6 +19,7 @@ static const struct listing_column association_columns[] = {
     {"since_s", "SINCE", LISTING_AGE},
     {"associated", "ASSOCIATED", LISTING_TEXT},
     {"pdu", "PDU", LISTING_RIGHT},
+    {"certificate", "CERTIFICATE", LISTING_TEXT},
 };
 
 static const struct listing_column block_columns[] = {
@@ -62,6 +63,14 @@ static bool take_shown(const struct map *map, struct iec61850_shown *out)
 	return false;
 }
 
+/* A common name that was cut may end within a character. */
+static json_t *certificate_of(const struct iec61850_shown_association *of)
+{
+	json_t *name = json_stringn(of->certificate, strnlen(of->certificate, sizeof(of->certificate)));
+
+	return name != NULL ? name : json_string("?");
+}
+
 static json_t *association_rows(const struct map *map)
 {
 	struct iec61850_shown shown;
@@ -72,11 +81,12 @@ static json_t *association_rows(const struct map *map)
 	for (uint32_t i = 0; i < shown.association_count && i < COUNT(shown.associations); i++) {
 		const struct iec61850_shown_association *of = &shown.associations[i];
 
-		json_array_append_new(rows, json_pack("{s:s#, s:f, s:b, s:I}", "peer", of->peer,
-						      (int)strnlen(of->peer, sizeof(of->peer)), "since_s",
-						      (double)(map_now_ns() - of->since_ns) / NS_PER_S,
-						      "associated", (int)of->associated, "pdu",
-						      (json_int_t)of->pdu));
+		json_array_append_new(rows,
+				      json_pack("{s:s#, s:f, s:b, s:I, s:o}", "peer", of->peer,
+						(int)strnlen(of->peer, sizeof(of->peer)), "since_s",
+						(double)(map_now_ns() - of->since_ns) / NS_PER_S,
+						"associated", (int)of->associated, "pdu", (json_int_t)of->pdu,
+						"certificate", certificate_of(of)));
 	}
 	return rows;
 }

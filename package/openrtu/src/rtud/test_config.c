@@ -230,8 +230,8 @@ static void test_tls_defaults(void **state)
 	assert_string_equal(settings->tls.key, "/own.key");
 	assert_string_equal(settings->tls.ca, "/ca.pem");
 	assert_string_equal(settings->tls.crl, "");
-	assert_int_equal(settings->tls.versions, IEC104_TLS_1_2 | IEC104_TLS_1_3);
-	assert_int_equal(settings->tls.master_count, 0);
+	assert_int_equal(settings->tls.versions, CHANNEL_TLS_1_2 | CHANNEL_TLS_1_3);
+	assert_int_equal(settings->tls.peer_count, 0);
 	assert_int_equal(settings->tls.resumption_s, 86400);
 	assert_int_equal(settings->tls.renewal_s, 86400);
 	config_free(&config);
@@ -249,12 +249,12 @@ static void test_tls(void **state)
 	(void)state;
 	assert_int_equal(settings->port, 2404);
 	assert_string_equal(settings->tls.crl, "/crl.pem");
-	assert_int_equal(settings->tls.versions, IEC104_TLS_1_3);
+	assert_int_equal(settings->tls.versions, CHANNEL_TLS_1_3);
 	assert_int_equal(settings->tls.resumption_s, 0);
 	assert_int_equal(settings->tls.renewal_s, 10);
-	assert_int_equal(settings->tls.master_count, 2);
-	assert_string_equal(settings->tls.masters[0], "centre 1");
-	assert_int_equal(strlen(settings->tls.masters[1]), 95);
+	assert_int_equal(settings->tls.peer_count, 2);
+	assert_string_equal(settings->tls.peers[0], "centre 1");
+	assert_int_equal(strlen(settings->tls.peers[1]), 95);
 	config_free(&config);
 }
 
@@ -445,7 +445,7 @@ static void test_modules_that_are_not_there(void **state)
 			    .iec104 = mask & 1u, .modbus = mask & 2u, .tls = mask & 4u};
 			bool no_iec104 = files[i].needs_iec104 && !modules.iec104;
 			bool no_modbus = files[i].needs_modbus && !modules.modbus;
-			bool no_tls = files[i].needs_tls && !modules.tls;
+			bool no_tls = files[i].needs_tls && !(modules.tls && modules.iec104);
 			struct map_config config;
 			char said[1024] = "";
 			FILE *messages = fmemopen(said, sizeof(said), "w");

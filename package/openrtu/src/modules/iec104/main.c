@@ -15,11 +15,11 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include "channel/channel.h"
+#include "channel/handshakes.h"
+#include "iec104/octets.h"
 #include "iec104/station.h"
 #include "map/map.h"
 #include "map/time_ns.h"
-#include "modules/iec104/handshakes.h"
 #include "modules/iec104/peer.h"
 #include "modules/module.h"
 
@@ -46,6 +46,16 @@ static struct map_queue_place *places; /* the same */
 static int poll_fd, listen_fd, signal_fd;
 static int64_t rest_until_ns;                     /* the listener's; 0: it is watched */
 static int64_t bell_rest_until_ns, bell_heard_ns; /* the same of the bell; when it rang last */
+
+static void say(enum map_log_level level, const char *peer, const char *text)
+{
+	if (peer != NULL)
+		iec104_log(&station, level, peer, "%s", text);
+	else
+		map_log(map, level, "%s", text);
+}
+
+static struct channel_owner channels = {.peers = "masters", .message = iec104_apdu_size, .say = say};
 
 /* ---- connections ------------------------------------------------------------------------- */
 
@@ -100,13 +110,17 @@ static void end_connection(uint32_t index)
 static void admit(struct handshake *handshake)
 {
 	int64_t now_ns = map_now_ns();
-	struct iec104_connection *leaving = iec104_station_make_room(&station, &handshake->peer, now_ns);
-	struct iec104_connection *connection;
+	struct iec104_connection *leaving, *connection;
+	struct iec104_peer peer;
 	uint32_t index;
 
+	memcpy(peer.address, handshake->address, sizeof(peer.address));
+	memcpy(peer.name, handshake->channel.peer, sizeof(peer.name));
+	peer_look_again(map_config(map), &peer);
+	leaving = iec104_station_make_room(&station, &peer, now_ns);
 	if (leaving != NULL)
 		end_connection(index_of(leaving));
-	connection = iec104_station_connect(&station, &handshake->peer, now_ns);
+	connection = iec104_station_connect(&station, &peer, now_ns);
 	handshake->here = false;
 	if (connection == NULL) {
 		channel_close(&handshake->channel);
@@ -151,7 +165,7 @@ static bool accept_one(void)
 		return true;
 	}
 	setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on));
-	handshake = handshakes_place(&station, &peer, map_now_ns());
+	handshake = handshakes_place(&channels, peer.address, map_now_ns());
 	watch(EPOLL_CTL_ADD, fd, 0, SOURCE_HANDSHAKES + handshakes_place_of(handshake));
 	settle(handshake, channel_open(&handshake->channel, fd, peer.name));
 	return true;
@@ -160,7 +174,7 @@ static bool accept_one(void)
 /* Watches for input while there is space for it, and for output while some is left. */
 static void watch_connection(uint32_t index)
 {
-	uint32_t interest = channel_interest(&sockets[index].channel, &station.connections[index].session);
+	uint32_t interest = iec104_interest(&sockets[index].channel, &station.connections[index].session);
 
 	if (interest == sockets[index].interest)
 		return;
@@ -205,8 +219,8 @@ static void serve(void)
 
 			if (!station.connections[i].open)
 				continue;
-			moved |= channel_transmit_session(channel, session);
-			moved |= channel_pending(channel) && channel_receive_session(channel, session);
+			moved |= iec104_transmit(channel, session);
+			moved |= channel_pending(channel) && iec104_receive(channel, session);
 		}
 	} while (moved);
 	now_ns = map_now_ns();
@@ -251,7 +265,7 @@ static bool continue_handshake(uint32_t place)
 static void handle_connection(uint32_t index, uint32_t events)
 {
 	if (events & (EPOLLIN | sockets[index].channel.wants))
-		channel_receive_session(&sockets[index].channel, &station.connections[index].session);
+		iec104_receive(&sockets[index].channel, &station.connections[index].session);
 	else if (events & (EPOLLHUP | EPOLLERR))
 		iec104_session_close(&station.connections[index].session, IEC104_CLOSED_BY_PEER);
 }
@@ -298,16 +312,6 @@ static bool handle_all(const struct epoll_event *events, int count)
 	return wanted;
 }
 
-static void say(enum map_log_level level, const char *peer, const char *text)
-{
-	if (peer != NULL)
-		iec104_log(&station, level, peer, "%s", text);
-	else
-		map_log(map, level, "%s", text);
-}
-
-static struct channel_owner channels = {.say = say};
-
 /* A master of another group has another queue: it connects anew. */
 static void look_again(struct iec104_connection *connection)
 {
@@ -323,13 +327,21 @@ static void look_again(struct iec104_connection *connection)
 	}
 }
 
+static bool is_listed(const char *address)
+{
+	struct iec104_peer peer;
+
+	snprintf(peer.address, sizeof(peer.address), "%s", address);
+	return peer_look_again(map_config(map), &peer);
+}
+
 static void look_at_peers(void)
 {
 	for (uint32_t i = 0; i < IEC104_CONNECTIONS_MAX; i++)
 		if (station.connections[i].open)
 			look_again(&station.connections[i]);
 	end_closed();
-	handshakes_renew(&station, map_config(map));
+	handshakes_renew(&channels, is_listed);
 }
 
 /* Nothing is half done here: what has come is in the station, what it says in its octets. */
@@ -366,7 +378,7 @@ static void run(void)
 		follow_configuration();
 		channel_watch(map_now_ns());
 		serve();
-		handshakes_watch(&station, map_now_ns());
+		handshakes_watch(&channels, map_now_ns());
 		wake_listener();
 		map_heartbeat(map);
 	}

@@ -86,7 +86,7 @@ static bool same_count(const struct map_config *a, const struct map_config *b, u
 
 static bool same_tls(const struct map_config *a, const struct map_config *b)
 {
-	const struct iec104_tls *in_a = iec104_outstation_tls(a), *in_b = iec104_outstation_tls(b);
+	const struct channel_tls *in_a = iec104_outstation_tls(a), *in_b = iec104_outstation_tls(b);
 
 	return in_a == NULL || in_b == NULL ? in_a == in_b : memcmp(in_a, in_b, sizeof(*in_a)) == 0;
 }

@@ -9,7 +9,7 @@
 
 #define CONNECT_NS (10 * NS_PER_S)
 
-_Static_assert((int)EPOLLIN == POLLIN && (int)EPOLLOUT == POLLOUT, "channel_interest speaks of epoll");
+_Static_assert((int)EPOLLIN == POLLIN && (int)EPOLLOUT == POLLOUT, "iec104_interest speaks of epoll");
 
 bool link_init(struct link *link, const struct iec104_outstation *outstation, unsigned number,
 	       const struct iec104_controlling_settings *settings,
@@ -117,7 +117,7 @@ static void go_on_securing(struct link *link, struct iec104_moment now)
 void link_receive(struct link *link)
 {
 	if (has_session(link))
-		channel_receive_session(&link->channel, &link->controlling.session);
+		iec104_receive(&link->channel, &link->controlling.session);
 }
 
 static void run_session(struct link *link, struct iec104_moment now)
@@ -129,7 +129,7 @@ static void run_session(struct link *link, struct iec104_moment now)
 		link->state = LINK_STARTED;
 	if (!channel_keep(&link->channel, now.monotonic_ns))
 		iec104_session_close(session, IEC104_NOT_SECURE);
-	channel_transmit_session(&link->channel, session);
+	iec104_transmit(&link->channel, session);
 	if (session->closing == IEC104_OPEN)
 		return;
 	iec104_controlling_run(&link->controlling, now); /* ends the requests */
@@ -150,7 +150,7 @@ void link_run(struct link *link, struct iec104_moment now)
 	if (has_session(link))
 		run_session(link, now);
 	link->pending = has_session(link) && channel_pending(&link->channel) &&
-			(channel_interest(&link->channel, &link->controlling.session) & EPOLLIN) != 0;
+			(iec104_interest(&link->channel, &link->controlling.session) & EPOLLIN) != 0;
 }
 
 int64_t link_deadline(const struct link *link)
@@ -166,7 +166,7 @@ short link_events(struct link *link)
 		return POLLOUT;
 	if (link->state == LINK_SECURING)
 		return (short)link->channel.wants;
-	return has_session(link) ? (short)channel_interest(&link->channel, &link->controlling.session) : 0;
+	return has_session(link) ? (short)iec104_interest(&link->channel, &link->controlling.session) : 0;
 }
 
 void link_close(struct link *link)

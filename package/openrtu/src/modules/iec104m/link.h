@@ -6,8 +6,8 @@
 #ifndef OPENRTU_MODULES_IEC104M_LINK_H
 #define OPENRTU_MODULES_IEC104M_LINK_H
 
-#include "channel/channel.h"
 #include "iec104/controlling.h"
+#include "iec104/octets.h"
 #include "iec104/outstations.h"
 #include "modules/tcp.h"
 

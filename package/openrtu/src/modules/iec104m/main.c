@@ -73,7 +73,7 @@ static void say(enum map_log_level level, const char *peer, const char *text)
 	map_log(map, level, peer != NULL ? "%s: %s" : "%s%s", peer != NULL ? peer : "", text);
 }
 
-static struct channel_owner channels = {.controlling = true, .say = say};
+static struct channel_owner channels = {.controlling = true, .message = iec104_apdu_size, .say = say};
 
 static int64_t serve(void)
 {

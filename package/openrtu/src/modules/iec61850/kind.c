@@ -12,16 +12,23 @@
 #define USER     17 /* behind rtu-snmp, before those of others */
 #define REQUESTS 256
 
-static const struct call_rule calls[] = {
-    CALL(poll), CALL(ppoll_time64), CALL(ppoll), CALL(accept4),  CALL(setsockopt),
-    CALL(send), CALL(sendto),       CALL(recv),  CALL(recvfrom),
+#define SERVER_CALLS CALL(poll), CALL(ppoll_time64), CALL(ppoll), CALL(accept4), CALL(setsockopt)
+
+static const struct call_rule plain_calls[] = {SERVER_CALLS, CALL(send), CALL(sendto)};
+static const struct call_rule tls_calls[] = {SERVER_CALLS, TLS_CALLS};
+
+static const struct kind_program programs[] = {
+    {"rtu-iec61850", plain_calls, sizeof(plain_calls) / sizeof(plain_calls[0])},
+    {"rtu-iec61850-tls", tls_calls, sizeof(tls_calls) / sizeof(tls_calls[0])},
 };
 
-static const struct kind_program program = {
-    .name = "rtu-iec61850",
-    .calls = calls,
-    .call_count = sizeof(calls) / sizeof(calls[0]),
-};
+/* Without the program there is no iec61850.tls: config_check_modules. */
+static const struct kind_program *choose(const struct map_config *config)
+{
+	const struct iec61850_settings *settings = iec61850_settings(config);
+
+	return &programs[settings != NULL && channel_tls_used(&settings->tls)];
+}
 
 static bool plan(struct map_config *config)
 {
@@ -84,8 +91,9 @@ const struct kind iec61850_kind = {
     .name = IEC61850_KIND,
     .part = &iec61850_part,
     .plan = plan,
-    .programs = &program,
-    .program_count = 1,
+    .programs = programs,
+    .program_count = sizeof(programs) / sizeof(programs[0]),
+    .choose = choose,
     .open = open_socket,
     .same = same,
     .change = kind_starts_again, /* its clients browse anew */

@@ -1,8 +1,10 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * rtu-iec61850: the server of IEC 61850 on TCP. One loop; all of the protocol is in iec61850/. All memory is taken at the start.
+ * rtu-iec61850 and rtu-iec61850-tls: the server of IEC 61850 on TCP, or on TLS. One loop; all of the protocol is in iec61850/, what
+ * carries its octets in a channel. All memory is taken at the start, but OpenSSL's.
  */
 #include <errno.h>
+#include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <poll.h>
 #include <stdio.h>
@@ -10,6 +12,8 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "channel/channel.h"
+#include "channel/handshakes.h"
 #include "iec61850/association.h"
 #include "iec61850/control.h"
 #include "iec61850/report.h"
@@ -31,9 +35,20 @@ static struct map_cursor cursor;
 static uint32_t sessions;
 static struct connection {
 	struct iec61850_association association;
-	int fd; /* -1: it is free */
+	struct channel channel; /* its fd is -1: it is free */
 	char peer[MAP_ADDRESS_SIZE];
+	char certificate[CHANNEL_NAME_SIZE];
 } connections[IEC61850_ASSOCIATIONS_MAX];
+
+static void say(enum map_log_level level, const char *peer, const char *text)
+{
+	if (peer != NULL)
+		map_log(map, level, "%s: %s", peer, text);
+	else
+		map_log(map, level, "%s", text);
+}
+
+static struct channel_owner channels = {.peers = "clients", .say = say};
 
 /* ---- connections ------------------------------------------------------------------------- */
 
@@ -43,7 +58,9 @@ static void end(struct connection *connection, enum iec61850_end why)
 					    [IEC61850_RELEASED] = "released",
 					    [IEC61850_DAMAGED] = "sent what is no message of MMS",
 					    [IEC61850_SILENT_START] = "has not associated",
-					    [IEC61850_STUCK] = "does not take what it asked for"};
+					    [IEC61850_STUCK] = "does not take what it asked for",
+					    [IEC61850_NOT_SECURE] =
+						"its keys or its certificate are no longer good"};
 
 	if (why == IEC61850_DAMAGED)
 		iec61850_count(&server, IEC61850_COUNT_DAMAGED);
@@ -53,8 +70,8 @@ static void end(struct connection *connection, enum iec61850_end why)
 		map_log(map, why == IEC61850_RELEASED ? MAP_LOG_INFO : MAP_LOG_WARNING, "%s: %s",
 			connection->peer, texts[why]);
 	iec61850_association_end(&connection->association, &server);
-	close(connection->fd);
-	connection->fd = -1;
+	channel_close(&connection->channel);
+	connection->channel.fd = -1;
 }
 
 /* A free place, if need be of who has asked nothing for the longest time. NULL: all are in use. */
@@ -66,7 +83,7 @@ static struct connection *find_place(int64_t now_ns)
 	for (uint32_t i = 0; i < server.model.settings->associations; i++) {
 		const int64_t idle_ns = iec61850_association_idle_ns(&connections[i].association, now_ns);
 
-		if (connections[i].fd < 0)
+		if (connections[i].channel.fd < 0)
 			return &connections[i];
 		if (idle_ns > longest_ns && !iec61850_blocks_owned(&server, &connections[i].association)) {
 			longest_ns = idle_ns;
@@ -105,78 +122,123 @@ static void set_options(int fd)
 	setsockopt(fd, IPPROTO_TCP, TCP_KEEPCNT, &count, sizeof(count));
 }
 
+/* Its peer is who it should be: it becomes a connection, if there is a place for it. */
+static void admit(struct handshake *handshake, int64_t now_ns)
+{
+	struct connection *place = find_place(now_ns);
+	struct in6_addr peer;
+
+	handshake->here = false;
+	if (place == NULL) {
+		iec61850_count(&server, IEC61850_COUNT_REFUSED);
+		channel_close(&handshake->channel);
+		return;
+	}
+	place->channel = handshake->channel;
+	memcpy(place->peer, handshake->address, sizeof(place->peer));
+	channel_name(&place->channel, place->certificate);
+	map_address_parse(place->peer, &peer);
+	iec61850_association_open(&place->association, server.model.settings->max_pdu, now_ns);
+	place->association.session = ++sessions;
+	place->association.may_control = is_controller(&peer);
+	memcpy(&place->association.peer, &peer, sizeof(place->association.peer));
+}
+
+static void settle(struct handshake *handshake, enum channel_progress progress, int64_t now_ns)
+{
+	switch (progress) {
+	case CHANNEL_READY:
+		admit(handshake, now_ns);
+		return;
+	case CHANNEL_WAITS:
+		return;
+	case CHANNEL_REFUSED:
+		handshake->here = false;
+		channel_close(&handshake->channel);
+	}
+}
+
 /* False: none is waiting. */
 static bool accept_one(int listener, int64_t now_ns)
 {
 	struct sockaddr_storage from;
 	socklen_t size = sizeof(from);
 	const int fd = accept4(listener, (struct sockaddr *)&from, &size, SOCK_NONBLOCK | SOCK_CLOEXEC);
-	struct connection *place;
+	char address[MAP_ADDRESS_SIZE], name[CHANNEL_PEER_SIZE];
+	struct handshake *handshake;
 	struct in6_addr peer;
 
 	if (fd < 0)
 		return errno == ECONNABORTED;
 	peer = map_address_of(&from);
 	iec61850_count(&server, IEC61850_COUNT_CONNECTIONS);
-	place = is_client(&peer) ? find_place(now_ns) : NULL;
-	if (place == NULL) {
+	if (!is_client(&peer)) {
 		iec61850_count(&server, IEC61850_COUNT_REFUSED);
 		close(fd);
 		return true;
 	}
 	set_options(fd);
-	place->fd = fd;
-	map_address_text(&peer, place->peer);
-	iec61850_association_open(&place->association, server.model.settings->max_pdu, now_ns);
-	place->association.session = ++sessions;
-	place->association.may_control = is_controller(&peer);
-	memcpy(&place->association.peer, &peer, sizeof(place->association.peer));
+	map_address_text(&peer, address);
+	/* the port has the same place in both families */
+	snprintf(name, sizeof(name), "%s port %u", address, ntohs(((struct sockaddr_in *)&from)->sin_port));
+	handshake = handshakes_place(&channels, address, now_ns);
+	settle(handshake, channel_open(&handshake->channel, fd, name), now_ns);
 	return true;
 }
 
 /* ---- octets ------------------------------------------------------------------------------ */
 
-/* False: the peer is gone. */
-static bool receive(struct connection *connection)
+/* How many came; -1: the peer is gone. */
+static ssize_t receive(struct connection *connection)
 {
 	size_t size;
 	uint8_t *space = iec61850_transport_space(&connection->association.transport, &size);
 	ssize_t count;
 
 	if (size == 0)
-		return true;
-	count = recv(connection->fd, space, size, 0);
+		return 0;
+	count = channel_receive(&connection->channel, space, size);
 	if (count > 0)
 		iec61850_transport_received(&connection->association.transport, (size_t)count);
-	return count > 0 || (count < 0 && (errno == EAGAIN || errno == EINTR));
+	return count;
 }
 
-/* True: some went. */
-static bool transmit(struct connection *connection, int64_t now_ns)
+/* How many went; -1: the peer is gone. */
+static ssize_t transmit(struct connection *connection, int64_t now_ns)
 {
 	size_t size;
 	const uint8_t *octets = iec61850_transport_output(&connection->association.transport, &size);
 	ssize_t count;
 
 	if (size == 0)
-		return false;
-	count = send(connection->fd, octets, size, MSG_NOSIGNAL);
+		return 0;
+	count = channel_transmit(&connection->channel, octets, size);
 	if (count > 0)
 		iec61850_association_written(&connection->association, (size_t)count, now_ns);
-	return count > 0;
+	return count;
+}
+
+/* What is ready now: octets that go, else those that the socket has not any more. -1: the peer is gone. */
+static ssize_t move(struct connection *connection, int64_t now_ns)
+{
+	const ssize_t went = transmit(connection, now_ns);
+
+	return went == 0 && channel_pending(&connection->channel) ? receive(connection) : went;
 }
 
 static void serve(struct connection *connection, short events, int64_t now_ns)
 {
+	const struct channel *channel = &connection->channel;
+	const short wanted = (short)(POLLIN | POLLHUP | POLLERR | channel->wants);
+	ssize_t moved = (events & wanted) || channel_pending(channel) ? receive(connection) : 0;
 	enum iec61850_end why;
 
-	if ((events & (POLLIN | POLLHUP | POLLERR)) && !receive(connection)) {
-		end(connection, IEC61850_RELEASED);
-		return;
-	}
 	do {
-		why = iec61850_association_run(&connection->association, &server, scratch, now_ns);
-	} while (transmit(connection, now_ns) && why == IEC61850_STAYS);
+		why = moved < 0
+			  ? IEC61850_RELEASED
+			  : iec61850_association_run(&connection->association, &server, scratch, now_ns);
+		moved = moved < 0 ? 0 : move(connection, now_ns);
+	} while (why == IEC61850_STAYS && moved != 0);
 	if (why != IEC61850_STAYS)
 		end(connection, why);
 }
@@ -185,6 +247,8 @@ static short interest_of(struct connection *connection)
 {
 	const struct iec61850_transport *transport = &connection->association.transport;
 
+	if (connection->channel.wants != 0)
+		return (short)connection->channel.wants;
 	return iec61850_transport_is_free(transport) ? POLLIN : POLLOUT;
 }
 
@@ -200,7 +264,7 @@ static void take_events(int64_t now_ns)
 		iec61850_report_event(&server, &event, now_ns);
 		iec61850_report_settle(&server, &cursor);
 		for (uint32_t j = 0; j < count && iec61850_report_due_ns(&server) <= now_ns; j++)
-			if (connections[j].fd >= 0)
+			if (connections[j].channel.fd >= 0)
 				serve(&connections[j], 0, now_ns);
 	}
 	if (map_events_behind(map, &cursor) == 0)
@@ -239,7 +303,7 @@ static int wait_ms(int64_t now_ns)
 static const char *peer_of(const void *association)
 {
 	for (uint32_t i = 0; i < server.model.settings->associations; i++)
-		if (connections[i].fd >= 0 && association == &connections[i].association)
+		if (connections[i].channel.fd >= 0 && association == &connections[i].association)
 			return connections[i].peer;
 	return "";
 }
@@ -277,13 +341,14 @@ static void show_associations(struct iec61850_shown *shown)
 		const struct iec61850_association *association = &connections[i].association;
 		struct iec61850_shown_association *out = &shown->associations[shown->association_count];
 
-		if (connections[i].fd < 0)
+		if (connections[i].channel.fd < 0)
 			continue;
 		shown->association_count++;
 		*out = (struct iec61850_shown_association){.associated = association->associated,
 							   .pdu = association->max_pdu,
 							   .since_ns = association->opened_ns};
 		snprintf(out->peer, sizeof(out->peer), "%s", connections[i].peer);
+		memcpy(out->certificate, connections[i].certificate, sizeof(out->certificate));
 	}
 }
 
@@ -303,33 +368,84 @@ static void show(int64_t now_ns)
 
 /* ---- the loop ---------------------------------------------------------------------------- */
 
+enum {
+	STOP,
+	LISTENER,
+	BELL,
+	CONNECTIONS,
+	WAITS_MAX = CONNECTIONS + IEC61850_ASSOCIATIONS_MAX + HANDSHAKES_MAX
+};
+
+static void wait(struct pollfd waits[WAITS_MAX], uint32_t count)
+{
+	struct pollfd *of_handshakes = waits + CONNECTIONS + count;
+
+	for (uint32_t i = 0; i < count; i++)
+		waits[CONNECTIONS + i] = (struct pollfd){
+		    .fd = connections[i].channel.fd,
+		    .events = connections[i].channel.fd < 0 ? (short)0 : interest_of(&connections[i])};
+	for (uint32_t i = 0; i < HANDSHAKES_MAX; i++) {
+		const struct handshake *handshake = handshakes_at(i);
+
+		of_handshakes[i] =
+		    (struct pollfd){.fd = handshake == NULL ? -1 : handshake->channel.fd,
+				    .events = handshake == NULL ? (short)0 : (short)handshake->channel.wants};
+	}
+	poll(waits, CONNECTIONS + count + HANDSHAKES_MAX, wait_ms(map_now_ns()));
+}
+
+/* One in a turn: it may cost a signature, a good part of the second in which rtud expects a heartbeat. */
+static void continue_handshake(const struct pollfd waits[HANDSHAKES_MAX], int64_t now_ns)
+{
+	static uint32_t last;
+
+	for (uint32_t i = 1; i <= HANDSHAKES_MAX; i++) {
+		const uint32_t place = (last + i) % HANDSHAKES_MAX;
+		struct handshake *handshake = handshakes_at(place);
+
+		if (handshake == NULL || waits[place].revents == 0)
+			continue;
+		last = place;
+		settle(handshake, channel_handshake(&handshake->channel), now_ns);
+		return;
+	}
+}
+
+/* Who is connected comes first. */
+static void serve_all(const struct pollfd *waits, uint32_t count, int64_t now_ns)
+{
+	for (uint32_t i = 0; i < count; i++) {
+		if (connections[i].channel.fd < 0)
+			continue;
+		if (channel_keep(&connections[i].channel, now_ns))
+			serve(&connections[i], waits[i].revents, now_ns);
+		else
+			end(&connections[i], IEC61850_NOT_SECURE);
+	}
+	continue_handshake(waits + count, now_ns);
+	handshakes_watch(&channels, now_ns);
+}
+
 static void run(int stop, int listener)
 {
-	enum { STOP, LISTENER, BELL, FIRST };
-	struct pollfd waits[FIRST + IEC61850_ASSOCIATIONS_MAX] = {
-	    [STOP] = {.fd = stop, .events = POLLIN},
-	    [LISTENER] = {.fd = listener, .events = POLLIN},
-	    [BELL] = {.fd = map_bell_fd(map), .events = POLLIN}};
+	struct pollfd waits[WAITS_MAX] = {[STOP] = {.fd = stop, .events = POLLIN},
+					  [LISTENER] = {.fd = listener, .events = POLLIN},
+					  [BELL] = {.fd = map_bell_fd(map), .events = POLLIN}};
 	const uint32_t count = server.model.settings->associations;
 
 	while (map_may_run(map) && (waits[STOP].revents & POLLIN) == 0) {
 		int64_t now_ns;
 
-		for (uint32_t i = 0; i < count; i++)
-			waits[FIRST + i] = (struct pollfd){
-			    .fd = connections[i].fd,
-			    .events = connections[i].fd < 0 ? 0 : interest_of(&connections[i])};
-		poll(waits, FIRST + count, wait_ms(map_now_ns()));
+		wait(waits, count);
 		now_ns = server.now_ns = map_begin_cycle(map);
 		map_heartbeat(map);
 		map_bell_clear(map);
+		channel_watch(now_ns);
 		take_answers();
 		iec61850_controls_tick(&server);
 		iec61850_blocks_tick(&server);
 		take_events(now_ns);
-		for (uint32_t i = 0; i < count; i++)
-			if (connections[i].fd >= 0)
-				serve(&connections[i], waits[FIRST + i].revents, now_ns);
+		serve_all(waits + CONNECTIONS, count, now_ns);
 		for (int i = 0; (waits[LISTENER].revents & POLLIN) && i < CONNECTIONS_A_TURN; i++)
 			if (!accept_one(listener, now_ns))
 				break;
@@ -339,17 +455,24 @@ static void run(int stop, int listener)
 
 /* ---- start ------------------------------------------------------------------------------- */
 
-static bool begin_connection(struct connection *connection, uint32_t max_pdu)
+/* All in one piece: pages that no client has used take no memory, and there are no heads of pieces on them. */
+static bool begin_connections(uint32_t count, uint32_t max_pdu)
 {
-	struct iec61850_transport *transport = &connection->association.transport;
+	const size_t message = IEC61850_MESSAGE_SIZE(max_pdu), output = IEC61850_OUTPUT_SIZE(max_pdu);
+	uint8_t *octets = malloc(count * (IEC61850_INPUT_SIZE + message + output));
 
-	connection->fd = -1;
-	transport->message_size = IEC61850_MESSAGE_SIZE(max_pdu);
-	transport->output_size = IEC61850_OUTPUT_SIZE(max_pdu);
-	transport->input = malloc(IEC61850_INPUT_SIZE);
-	transport->message = malloc(transport->message_size);
-	transport->output = malloc(transport->output_size);
-	return transport->input != NULL && transport->message != NULL && transport->output != NULL;
+	for (uint32_t i = 0; octets != NULL && i < count; i++) {
+		struct iec61850_transport *transport = &connections[i].association.transport;
+
+		connections[i].channel.fd = -1;
+		transport->message_size = message;
+		transport->output_size = output;
+		transport->input = octets;
+		transport->message = transport->input + IEC61850_INPUT_SIZE;
+		transport->output = transport->message + message;
+		octets = transport->output + output;
+	}
+	return octets != NULL;
 }
 
 /* Another one for each start of the gateway: its clock, or what runs since it was switched on. */
@@ -367,8 +490,7 @@ static bool start(void)
 	scratch = malloc(IEC61850_MESSAGE_SIZE(settings->max_pdu));
 	server.names = malloc(settings->max_pdu);
 	server.chosen = calloc(server.model.longest_set, sizeof(*server.chosen));
-	for (uint32_t i = 0; i < settings->associations; i++)
-		begun = begin_connection(&connections[i], settings->max_pdu) && begun;
+	begun = begin_connections(settings->associations, settings->max_pdu) && begun;
 	if (begun && scratch != NULL && server.names != NULL && server.chosen != NULL) {
 		file_make(&server, map);
 		map_cursor_to_end(map, &cursor);
@@ -394,6 +516,7 @@ static void name_counters(void)
 	    [IEC61850_COUNT_EVENTS_LOST] = "events_lost",
 	    [IEC61850_COUNT_COMMANDS] = "commands",
 	    [IEC61850_COUNT_COMMANDS_REFUSED] = "commands_refused",
+	    [IEC61850_COUNT_HANDSHAKES_REFUSED] = "handshakes_refused",
 	};
 
 	for (unsigned i = 0; i < IEC61850_COUNT_OF_COUNTERS; i++)
@@ -412,7 +535,9 @@ int main(int argc, char **argv)
 		return module_is_of_another_build(map);
 	name_counters();
 	stop = module_stop_fd();
-	if (stop < 0 || !start() || !module_confine(map, &options, 0))
+	channels.tls = &iec61850_settings(map_config(map))->tls;
+	channels.refused = &server.stats->counters[IEC61850_COUNT_HANDSHAKES_REFUSED];
+	if (stop < 0 || !start() || !channel_start(&channels) || !module_confine(map, &options, 0))
 		return MODULE_FAILED;
 	map_log(map, MAP_LOG_INFO, "listening on %s port %u", server.model.settings->address,
 		(unsigned)server.model.settings->port);

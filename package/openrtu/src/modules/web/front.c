@@ -39,7 +39,7 @@ static struct map *map;
 static const struct web_settings *settings;
 static struct web_stats *stats;
 static front_taker *taker;
-static struct iec104_tls tls = {.versions = IEC104_TLS_1_2 | IEC104_TLS_1_3, .resumption_s = RESUMPTION_S};
+static struct channel_tls tls = {.versions = CHANNEL_TLS_1_2 | CHANNEL_TLS_1_3, .resumption_s = RESUMPTION_S};
 static SSL_CTX *context;
 static int64_t next_files_ns;
 static int listener;

@@ -1,18 +1,19 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-#include "modules/iec104/handshakes.h"
+#include "channel/handshakes.h"
 
+#include <stdio.h>
 #include <string.h>
 
 #include "map/time_ns.h"
-#include "modules/iec104/peer.h"
 
 #define LIMIT_S 10
 
 static struct handshake handshakes[HANDSHAKES_MAX];
 
-static void send_away(struct iec104_station *station, struct handshake *handshake, const char *why)
+static void send_away(const struct channel_owner *owner, struct handshake *handshake, const char *why)
 {
-	iec104_log(station, MAP_LOG_WARNING, handshake->channel.peer, "refused, %s", why);
+	channel_count_refused(owner);
+	owner->say(MAP_LOG_WARNING, handshake->channel.peer, why);
 	channel_close(&handshake->channel);
 	handshake->here = false;
 }
@@ -22,14 +23,14 @@ static unsigned count_from(const char *address)
 	unsigned count = 0;
 
 	for (unsigned i = 0; i < HANDSHAKES_MAX; i++)
-		count += handshakes[i].here && strcmp(handshakes[i].peer.address, address) == 0;
+		count += handshakes[i].here && strcmp(handshakes[i].address, address) == 0;
 	return count;
 }
 
 /* Of the address that has most, the oldest: a flood from one address sends only itself away. */
 static bool goes_before(const struct handshake *a, const struct handshake *b)
 {
-	unsigned from_a = count_from(a->peer.address), from_b = count_from(b->peer.address);
+	unsigned from_a = count_from(a->address), from_b = count_from(b->address);
 
 	return from_a != from_b ? from_a > from_b : a->until_ns < b->until_ns;
 }
@@ -47,15 +48,14 @@ static struct handshake *find_place(void)
 	return first;
 }
 
-struct handshake *handshakes_place(struct iec104_station *station, const struct iec104_peer *peer,
-				   int64_t now_ns)
+struct handshake *handshakes_place(const struct channel_owner *owner, const char *address, int64_t now_ns)
 {
 	struct handshake *handshake = find_place();
 
 	if (handshake->here)
-		send_away(station, handshake, "too many handshakes are under way");
+		send_away(owner, handshake, "refused, too many handshakes are under way");
 	handshake->here = true;
-	handshake->peer = *peer;
+	snprintf(handshake->address, sizeof(handshake->address), "%s", address);
 	handshake->until_ns = now_ns + LIMIT_S * NS_PER_S;
 	return handshake;
 }
@@ -70,16 +70,16 @@ uint32_t handshakes_place_of(const struct handshake *handshake)
 	return (uint32_t)(handshake - handshakes);
 }
 
-void handshakes_watch(struct iec104_station *station, int64_t now_ns)
+void handshakes_watch(const struct channel_owner *owner, int64_t now_ns)
 {
 	for (unsigned i = 0; i < HANDSHAKES_MAX; i++)
 		if (handshakes[i].here && now_ns >= handshakes[i].until_ns)
-			send_away(station, &handshakes[i], "its handshake takes too long");
+			send_away(owner, &handshakes[i], "refused, its handshake takes too long");
 }
 
-void handshakes_renew(struct iec104_station *station, const struct map_config *config)
+void handshakes_renew(const struct channel_owner *owner, bool (*is_listed)(const char *address))
 {
 	for (unsigned i = 0; i < HANDSHAKES_MAX; i++)
-		if (handshakes[i].here && !peer_look_again(config, &handshakes[i].peer))
-			send_away(station, &handshakes[i], "its address is not in \"masters\" any more");
+		if (handshakes[i].here && !is_listed(handshakes[i].address))
+			send_away(owner, &handshakes[i], "refused, its address is not listed any more");
 }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* The object "tls": files, versions, who may come. What is in the files the module says, which is on the board. */
-#include "iec104/config_readers.h"
+/* An object "tls": files, versions, who may come. What is in the files the module says, which is on the board. */
+#include "channel/config_tls.h"
 
 #include <ctype.h>
 #include <string.h>
@@ -17,16 +17,15 @@ enum {
 	TLS_VERSIONS,
 	TLS_RESUMPTION,
 	TLS_RENEWAL,
-	TLS_MASTERS, /* the last: of a controlled station alone */
+	TLS_PEERS, /* the last: of one who lets others in alone */
 	TLS_KEYS
 };
-static const struct config_rule tls_rules[TLS_KEYS] = {
+static const struct config_rule tls_rules[TLS_PEERS] = {
     [TLS_CERTIFICATE] = {"certificate", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_FILE_SIZE - 1},
     [TLS_KEY] = {"key", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_FILE_SIZE - 1},
     [TLS_CA] = {"ca", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_FILE_SIZE - 1},
     [TLS_CRL] = {"crl", CONFIG_TEXT, .low = 1, .high = MAP_FILE_SIZE - 1},
     [TLS_VERSIONS] = {"versions", CONFIG_ARRAY, .high = 2},
-    [TLS_MASTERS] = {"masters", CONFIG_ARRAY, .high = IEC104_TLS_MASTERS_MAX},
     /* IEC 62351-3: a session is resumed within a day, then the certificates are looked at again. */
     [TLS_RESUMPTION] = {"resumption_s", CONFIG_INTEGER, .low = 0, .high = SECONDS_OF_A_DAY,
 			.fallback = SECONDS_OF_A_DAY},
@@ -55,9 +54,9 @@ static uint8_t read_version(struct config_report *report, const struct config_pl
 	const char *text = json_string_value(json);
 
 	if (text != NULL && strcmp(text, "1.2") == 0)
-		return IEC104_TLS_1_2;
+		return CHANNEL_TLS_1_2;
 	if (text != NULL && strcmp(text, "1.3") == 0)
-		return IEC104_TLS_1_3;
+		return CHANNEL_TLS_1_3;
 	config_error(report, place, "is not an allowed version of TLS, expected \"1.2\" or \"1.3\"");
 	return 0;
 }
@@ -71,7 +70,7 @@ static uint8_t read_versions(struct config_report *report, const struct config_p
 	size_t i;
 
 	if (!value->given)
-		return IEC104_TLS_1_2 | IEC104_TLS_1_3;
+		return CHANNEL_TLS_1_2 | CHANNEL_TLS_1_3;
 	if (json_array_size(value->json) == 0)
 		config_error(report, &array, "is empty, expected \"1.2\" or \"1.3\" or both");
 	json_array_foreach(value->json, i, json)
@@ -99,47 +98,52 @@ static bool is_common_name(const char *text)
 	return text[0] != '\0' && strlen(text) <= COMMON_NAME_MAX;
 }
 
-bool iec104_names_certificate(const char *text)
+bool channel_names_certificate(const char *text)
 {
 	return is_common_name(text) || is_fingerprint(text);
 }
 
-static void read_masters(struct config_report *report, const struct config_place *tls, const json_t *masters,
-			 struct iec104_tls *out)
+static void read_peers(struct config_report *report, const struct config_place *array, const json_t *peers,
+		       struct channel_tls *out)
 {
-	const struct config_place array = config_key_of(tls, tls_rules[TLS_MASTERS].name);
 	const json_t *json;
 	size_t i;
 
-	json_array_foreach(masters, i, json)
+	json_array_foreach(peers, i, json)
 	{
-		const struct config_place place = config_element_of(&array, i);
+		const struct config_place place = config_element_of(array, i);
 		const char *text = json_string_value(json);
 
-		if (text != NULL && iec104_names_certificate(text))
-			snprintf(out->masters[i], IEC104_TLS_MASTER_SIZE, "%s", text);
+		if (text != NULL && channel_names_certificate(text))
+			snprintf(out->peers[i], CHANNEL_TLS_PEER_SIZE, "%s", text);
 		else
 			config_error(report, &place,
 				     "is neither a common name of 1 to %d bytes nor a SHA-256 fingerprint as "
 				     "AB:CD:...",
 				     COMMON_NAME_MAX);
 	}
-	out->master_count = (uint8_t)json_array_size(masters);
+	out->peer_count = (uint8_t)json_array_size(peers);
 }
 
-void iec104_read_tls(struct config_report *report, const struct config_place *place, const json_t *json,
-		     bool controlled, struct iec104_tls *tls)
+void channel_read_tls(struct config_report *report, const struct config_place *place, const json_t *json,
+		      const char *peers, struct channel_tls *tls)
 {
+	struct config_rule rules[TLS_KEYS] = {
+	    [TLS_PEERS] = {peers, CONFIG_ARRAY, .high = CHANNEL_TLS_PEERS_MAX}};
 	struct config_value values[TLS_KEYS] = {{.given = false}};
 
-	config_read_keys(report, place, json, tls_rules, controlled ? TLS_KEYS : TLS_MASTERS, values);
+	memcpy(rules, tls_rules, sizeof(tls_rules));
+	config_read_keys(report, place, json, rules, peers != NULL ? TLS_KEYS : TLS_PEERS, values);
 	read_path(report, place, TLS_CERTIFICATE, &values[TLS_CERTIFICATE], tls->certificate);
 	read_path(report, place, TLS_KEY, &values[TLS_KEY], tls->key);
 	read_path(report, place, TLS_CA, &values[TLS_CA], tls->ca);
 	read_path(report, place, TLS_CRL, &values[TLS_CRL], tls->crl);
 	tls->versions = read_versions(report, place, &values[TLS_VERSIONS]);
-	if (values[TLS_MASTERS].given)
-		read_masters(report, place, values[TLS_MASTERS].json, tls);
+	if (values[TLS_PEERS].given) {
+		const struct config_place array = config_key_of(place, peers);
+
+		read_peers(report, &array, values[TLS_PEERS].json, tls);
+	}
 	tls->resumption_s = (uint32_t)values[TLS_RESUMPTION].integer;
 	tls->renewal_s = (uint32_t)values[TLS_RENEWAL].integer;
 }

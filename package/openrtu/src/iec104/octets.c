@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "iec104/octets.h"
+
 #include <sys/epoll.h>
 
-#include "channel/channel.h"
-
-bool channel_receive_session(struct channel *channel, struct iec104_session *session)
+bool iec104_receive(struct channel *channel, struct iec104_session *session)
 {
 	size_t room;
 	uint8_t *place = iec104_session_space(session, &room);
@@ -19,7 +19,7 @@ bool channel_receive_session(struct channel *channel, struct iec104_session *ses
 	return count > 0;
 }
 
-bool channel_transmit_session(struct channel *channel, struct iec104_session *session)
+bool iec104_transmit(struct channel *channel, struct iec104_session *session)
 {
 	size_t size;
 	const uint8_t *bytes = iec104_session_output(session, &size);
@@ -35,7 +35,7 @@ bool channel_transmit_session(struct channel *channel, struct iec104_session *se
 	return count > 0;
 }
 
-uint32_t channel_interest(const struct channel *channel, struct iec104_session *session)
+uint32_t iec104_interest(const struct channel *channel, struct iec104_session *session)
 {
 	uint32_t interest = 0;
 	size_t size;
