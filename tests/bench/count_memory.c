@@ -81,8 +81,8 @@ static void call(qemu_plugin_id_t id, unsigned cpu, int64_t number, uint64_t a, 
 	if (number != CLOCK_NANOSLEEP && number != PPOLL && number != CLOCK_NANOSLEEP_TIME64 &&
 	    number != PPOLL_TIME64)
 		return;
-	for (struct line *line = cache[0]; line < cache[SETS]; line++)
-		write_back(line);
+	for (unsigned i = 0; i < SETS * WAYS; i++)
+		write_back(&cache[i / WAYS][i % WAYS]);
 }
 
 static void translate(qemu_plugin_id_t id, struct qemu_plugin_tb *block)
