@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Commands of modules that others wrote: of their own points by masters, and of others' points."""
 
+import copy
 import datetime
 import json
 import re
@@ -356,6 +357,33 @@ def test_retained_point_goes_on(plant: Plant, master: RawMaster) -> None:
             if octets.startswith(b"\x02\x00\x00\x1f\x00") and (octets[5] or qualities):
                 qualities.append(octets[5])
     assert qualities == [0x80, 0]
+
+
+def test_reload_exchanges_a_module_between_two_scans(plant: Plant, master: RawMaster) -> None:
+    """Its retained point passes over, and no master is told that it was invalid, nor loses its connection."""
+    gateway = plant.gateway
+    gateway.ctl("set", "drive-kept", "31")
+    plant.wait_point("drive-kept", 31)
+    before, config = gateway.modules(), gateway.configuration()
+    changed = copy.deepcopy(config)
+    next(module for module in changed["modules"] if module["name"] == "drive")["period_ms"] = 15
+    try:
+        gateway.ctl("reload", gateway.put(changed))
+        after = gateway.modules()
+        assert after["drive"]["pid"] != before["drive"]["pid"]
+        assert after["drive"]["restarts"] == before["drive"]["restarts"]
+        assert after["rtu-iec104"]["pid"] == before["rtu-iec104"]["pid"]
+        plant.wait_point("drive-kept", 31)
+        gateway.ctl("set", "drive-kept", "32")
+        seen: list[tuple[int, int]] = []
+        while (32, 0) not in seen:
+            body = master.answer(M_ME_TAGGED).body
+            for octets in (body[begin : begin + 13] for begin in range(0, len(body), 13)):
+                if octets.startswith(b"\x02\x00\x00"):
+                    seen.append((int.from_bytes(octets[3:5], "little", signed=True), octets[5]))
+        assert set(seen) <= {(31, 0), (32, 0)}
+    finally:
+        gateway.ctl("reload", gateway.put(config))
 
 
 # ---- events --------------------------------------------------------------------------------------

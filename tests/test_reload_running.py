@@ -141,6 +141,21 @@ def test_a_selection_ends_by_the_new_time(desk: Running) -> None:
     desk.take()
 
 
+def test_a_selection_holds_while_its_line_is_exchanged(desk: Running) -> None:
+    desk.line_stays = False
+    config = desk.gateway.configuration()
+    config["port"][0]["slaves"].append({"id": 6, "input_registers": [{"address": 0}]})
+    for state, changes in ((2, {"port": config["port"]}), (1, {})):
+        with RawMaster(*desk.gateway.address) as master:
+            master.request(C_DC, CA, 1 + BREAKER, bytes([SELECT | state]))
+            assert master.answer(C_DC).cause == ACT_CON
+            assert f"{LINE} gets a new process\n" in desk.take(**changes)
+            master.request(C_DC, CA, 1 + BREAKER, bytes([state]))
+            assert master.answer(C_DC).cause == ACT_CON  # after the device's answer
+            coils = [desk.lines.get(DEVICE, "coils", BREAKER + coil) for coil in (0, 1)]
+            assert coils == [state == 1, state == 2]
+
+
 def test_whom_the_clock_is_from_and_where_it_is_shown(desk: Running) -> None:
     """Time tags are as valid as they were, whatever the time zone is."""
     assert "clock changes for all\ntimezone changes for all\n" in desk.take(clock="gateway", timezone="CET-1")

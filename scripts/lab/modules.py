@@ -40,7 +40,7 @@ def program(directory: Path, name: str, script: Path) -> str:
 
 def compiled(directory: Path, name: str, source: Path) -> str:
     path = directory / name
-    flags = ["-Wall", "-Wextra", "-Werror", f"-I{HEADER.parent}", f"-Wl,-rpath,{directory}"]
+    flags = ["-O2", "-Wall", "-Wextra", "-Werror", f"-I{HEADER.parent}", f"-Wl,-rpath,{directory}"]
     command = ["cc", *flags, "-o", path, source, directory / "libopenrtu.so.0"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:

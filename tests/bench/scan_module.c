@@ -3,12 +3,15 @@
  * A module of 100 inputs and 20 outputs on libopenrtu, which measures itself: "in-0" .. "in-99" and "out-0" .. "out-19".
  *
  * Prints a line for each reading, "BENCH attach 123456" in nanoseconds: the time to attach, the processor time of a scan with the wake-up
- * before it and of one in a row of them, and, where the file has the synchronisation point "fire", the round trip of a firing. Then it goes on scanning.
+ * before it and of one in a row of them, and, where the file has the synchronisation point "fire", the round trip of a firing. Where
+ * it is counted, "COUNT instructions 1234" and so on are of a scan with the wake-up. Then it goes on scanning.
  */
 #include <openrtu.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <time.h>
+
+#include "counts.h"
 
 enum { INPUTS = 100, OUTPUTS = 20, BATCHES = 9, SCANS = 200, FIRINGS = 200 };
 
@@ -109,10 +112,13 @@ int main(int argc, char **argv)
 		return 1;
 	say("attach", now_ns(CLOCK_MONOTONIC) - begun_ns);
 	for (int batch = 0; batch < BATCHES; batch++) {
+		const struct counts since = counts_now();
+
 		begun_ns = now_ns(CLOCK_PROCESS_CPUTIME_ID);
 		for (int i = 0; i < SCANS && scan(rtu);)
 			i++;
 		say("scan", (now_ns(CLOCK_PROCESS_CPUTIME_ID) - begun_ns) / SCANS);
+		counts_say(since, SCANS);
 		measure_row(rtu);
 		measure_firing(rtu);
 	}

@@ -5,7 +5,7 @@
  *     whole_copy POINTS PERIOD_MS
  *
  * A point is what it is in our map: value, quality, time. Nobody else wants the semaphore, which is the best case of the method.
- * Prints what scan_module.c does of a scan.
+ * Prints what scan_module.c does of a scan, and what the wake-up alone takes.
  */
 #include <stdint.h>
 #include <stdio.h>
@@ -15,6 +15,8 @@
 #include <sys/mman.h>
 #include <sys/sem.h>
 #include <time.h>
+
+#include "counts.h"
 
 enum { INPUTS = 100, OUTPUTS = 20, BATCHES = 9, SCANS = 200 };
 
@@ -96,6 +98,7 @@ int main(int argc, char **argv)
 	memset(global_map, 1, points * sizeof(*global_map)); /* or all of it were one page of zeros */
 	take(1);
 	for (int batch = 0; batch < BATCHES; batch++) {
+		const struct counts since = counts_now();
 		int64_t begun_ns = now_ns(CLOCK_PROCESS_CPUTIME_ID);
 
 		for (int i = 0; i < SCANS; i++) {
@@ -105,12 +108,20 @@ int main(int argc, char **argv)
 			compute();
 		}
 		say("scan", begun_ns);
+		counts_say(since, SCANS);
 		begun_ns = now_ns(CLOCK_PROCESS_CPUTIME_ID);
 		for (int i = 0; i < SCANS; i++) {
 			update();
 			compute();
 		}
 		say("row", begun_ns);
+		begun_ns = now_ns(CLOCK_PROCESS_CPUTIME_ID);
+		next_ns = now_ns(CLOCK_MONOTONIC);
+		for (int i = 0; i < SCANS; i++) {
+			next_ns += period_ns;
+			sleep_until(next_ns);
+		}
+		say("wake", begun_ns);
 	}
 	semctl(semaphore, 0, IPC_RMID);
 	return 0;
