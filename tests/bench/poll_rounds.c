@@ -299,7 +299,7 @@ static void begin_centre(char **paths)
 {
 	uint32_t up = 0;
 
-	for (; paths[shard_count] != NULL && shard_count < SHARDS_MAX; shard_count++) {
+	for (; shard_count < SHARDS_MAX && paths[shard_count] != NULL; shard_count++) {
 		struct sockaddr_un address = {.sun_family = AF_UNIX};
 		int fd = socket(AF_UNIX, SOCK_SEQPACKET, 0);
 

@@ -18,8 +18,9 @@ from lab.receiver import Receiver, burst
 from nuc980.twin.linux import Linux
 
 CLOCK = "/run/gps/clock"
-UART = 8
-RECEIVER = {"name": "van", "device": f"ttyS{UART}", "baud_rate": 9600, "ca": 901, "clock_socket": CLOCK}
+UART, BAUD_RATE = 8, 9600
+PIECE = 16  # octets that the UART takes at once: it has room for four
+RECEIVER = {"name": "van", "device": f"ttyS{UART}", "baud_rate": BAUD_RATE, "ca": 901, "clock_socket": CLOCK}
 SITE_FILE, USED = "/data/site/ntp", "/etc/chrony/site.conf"
 SOURCE = f"refclock SOCK {CLOCK} refid GPS poll 0 filter 1 delay 0.5 precision 0.1 offset 0.3"
 PLACE = (44.8125, 20.4612)
@@ -29,13 +30,16 @@ NEAR_S = 60.0  # a busy host delays the lines; the board's clock begins in 1970
 
 @pytest.fixture(scope="module")
 def receiver() -> Iterator[Receiver]:
-    """It says each second where it is, and what time it is here."""
+    """It says again and again where it is, and what time it is here, no faster than the line."""
     folder = run_directory()
     ended = threading.Event()
 
     def speak() -> None:
-        while not ended.wait(1.0):
-            receiver.say(burst(datetime.now(UTC), *PLACE))
+        while not ended.wait(0.7):
+            octets = burst(datetime.now(UTC), *PLACE)
+            for at in range(0, len(octets), PIECE):
+                receiver.say(octets[at : at + PIECE])
+                ended.wait(PIECE * 10 / BAUD_RATE)
 
     with Receiver(folder / "line") as receiver:
         speaker = threading.Thread(target=speak)
@@ -66,8 +70,10 @@ def use(linux: Linux, *lines: str) -> str:
 
 
 def clock(linux: Linux) -> dict[str, Any]:
-    (row,) = json.loads(linux.run("rtuctl --json clock"))
-    return row
+    """Beside what the kernel says meanwhile, as of an overrun on a busy host."""
+    lines = linux.run("rtuctl --json clock").splitlines()
+    (row,) = json.loads("".join(line for line in lines if not re.match(r"\[ *\d+\.", line)))
+    return row  # type: ignore[no-any-return]
 
 
 def trouble(linux: Linux) -> str:
@@ -96,4 +102,4 @@ def test_a_receiver_sets_the_clock(linux: Linux) -> None:
         assert time.monotonic() < deadline, f"{row}\n{trouble(linux)}"
     assert row["valid"]
     assert abs(datetime.fromisoformat(row["time"]).timestamp() - time.time()) < NEAR_S
-    assert linux.run(f"stat -c '%U %G %a' {CLOCK}") == "chrony dialout 660"
+    assert linux.run(f"stat -c '%G %a' {CLOCK}") == "dialout 660"
