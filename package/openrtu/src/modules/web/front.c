@@ -314,7 +314,8 @@ void front_answered(unsigned number, int64_t now_ns)
 /* A browser shows no certificate. */
 static SSL_CTX *make_context(void)
 {
-	struct channel_tls tls = {.versions = CHANNEL_TLS_1_2 | CHANNEL_TLS_1_3, .resumption_s = RESUMPTION_S};
+	struct channel_tls tls = {.versions = CHANNEL_TLS_1_2 | CHANNEL_TLS_1_3,
+				  .resumption_s = RESUMPTION_S};
 	char error[TLS_ERROR_SIZE];
 	SSL_CTX *made;
 
