@@ -208,7 +208,7 @@ def test_only_listed_clients_and_nobody_revoked(pki: Pki, programs: Path) -> Non
 
 
 def test_a_reload_lets_others_in(pki: Pki, programs: Path) -> None:
-    """Then the process is another, with the certificates that the file names."""
+    """Then the process is another, with what the file names; without tls, it is of another program."""
     with server_with(pki, programs, clients=["nobody"]) as server:
         server.refuses(pki.client(), 'not in the list of clients: "centre 1"')
         config = server.gateway.configuration()
@@ -216,19 +216,46 @@ def test_a_reload_lets_others_in(pki: Pki, programs: Path) -> None:
         server.gateway.ctl("reload", server.gateway.put(config))
         with server.client() as client:
             assert client.names(9)
+        del config["iec61850"]["tls"]
+        server.gateway.ctl("reload", server.gateway.put(config))
+        with Client(server.port) as client:
+            assert client.names(9)
 
 
 def test_a_key_that_others_may_read_is_refused(pki: Pki, programs: Path) -> None:
     station = pki.ours.issue_for_station("substation 8")
     give_to_station(station.key, IEC61850_USER)
-    station.key.chmod(0o404)
     files = {"certificate": str(station.certificate), "key": str(station.key)}
     with server_with(pki, programs, **files) as server:
-        server.wait_log("other users may read it: type chmod o= for it$")
+        station.key.chmod(0o404)
+        server.gateway.kill("rtu-iec61850")
+        server.wait_log(r"rtu-iec61850 error: the key .*: other users may read it: type chmod o= for it$")
         station.key.chmod(0o400)
-        server.wait_log(r"rtu-iec61850 info: listening on 127\.0\.0\.1 port")  # rtud has tried again
+        server.wait_log(r"rtu-iec61850 exited with code 1(.*\n)*.*rtu-iec61850 info: listening on")
         with server.client() as client:
             assert client.names(9)
+
+
+def test_refusals_cannot_flood_the_log(pki: Pki, programs: Path) -> None:
+    peers = 400
+    with server_with(pki, programs) as server:
+
+        def speak_plainly() -> None:
+            with socket.create_connection(server.address, WAITS_S) as plain:
+                plain.sendall(mms.CONNECT_TRANSPORT)
+                assert closed_by_station(plain)
+
+        before = server.gateway.log_file.stat().st_size
+        for _ in range(peers):
+            speak_plainly()
+        assert (
+            server.gateway.log_file.stat().st_size - before
+        ) / peers < 40  # a line has more than 80 octets
+        server.gateway.wait_for(
+            lambda: speak_plainly() is None and "are left out" in server.gateway.log(),
+            WAITS_S,
+            "what was left out",
+        )
 
 
 # ---- peers that do no good ------------------------------------------------------------------------------

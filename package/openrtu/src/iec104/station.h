@@ -51,6 +51,7 @@
 #ifndef OPENRTU_IEC104_STATION_H
 #define OPENRTU_IEC104_STATION_H
 
+#include "channel/lines.h"
 #include "iec104/asdu.h"
 #include "iec104/config.h"
 #include "iec104/counters.h"
@@ -199,9 +200,8 @@ struct iec104_station {
 	bool *new_stations;
 	bool new_to_tell; /* nobody has been told of these */
 
-	int64_t now_ns;        /* of the last call that had it */
-	int64_t log_paid_ns;   /* each line moves it on; far in the future, lines are left out */
-	uint32_t log_withheld; /* lines left out since the last one */
+	int64_t now_ns;             /* of the last call that had it */
+	struct channel_lines lines; /* of the log, about peers */
 };
 
 /*

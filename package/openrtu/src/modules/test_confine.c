@@ -32,8 +32,8 @@
 #define SYS_MEMORY SYS_mmap
 #endif
 
-static const char *const programs[] = {"rtu-modbus", "rtu-iec104", "rtu-iec104-tls", "rtu-journal",
-				       "rtu-logic", "rtu-iec61850", "rtu-iec61850-tls"};
+static const char *const programs[] = {"rtu-modbus", "rtu-iec104",   "rtu-iec104-tls",  "rtu-journal",
+				       "rtu-logic",  "rtu-iec61850", "rtu-iec61850-tls"};
 
 struct call {
 	long number;
@@ -166,8 +166,10 @@ static const struct {
     {"rtu-modbus rtu-iec104 rtu-iec104-tls", {SYS_epoll_ctl, {-1}}},
     {"rtu-modbus rtu-iec104 rtu-iec104-tls rtu-iec61850 rtu-iec61850-tls", {SYS_setsockopt, {-1}}},
     {"rtu-iec104 rtu-iec104-tls rtu-iec61850 rtu-iec61850-tls", {SYS_accept4, {-1}}},
-    {"rtu-modbus rtu-iec104 rtu-iec104-tls rtu-journal rtu-logic rtu-iec61850-tls", {SYS_openat, {-1, 0, O_RDWR}}},
-    {"rtu-modbus rtu-iec104 rtu-iec104-tls rtu-journal rtu-logic rtu-iec61850-tls", {SYS_openat, {-1, 0, O_RDONLY}}},
+    {"rtu-modbus rtu-iec104 rtu-iec104-tls rtu-journal rtu-logic rtu-iec61850-tls",
+     {SYS_openat, {-1, 0, O_RDWR}}},
+    {"rtu-modbus rtu-iec104 rtu-iec104-tls rtu-journal rtu-logic rtu-iec61850-tls",
+     {SYS_openat, {-1, 0, O_RDONLY}}},
     {"rtu-journal", {SYS_openat, {-1, 0, O_RDWR | O_CREAT}}},
     {"rtu-journal", {SYS_renameat, {-1}}},
     {"rtu-journal", {SYS_unlinkat, {-1}}},

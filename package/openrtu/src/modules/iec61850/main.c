@@ -4,6 +4,7 @@
  * carries its octets in a channel. All memory is taken at the start, but OpenSSL's.
  */
 #include <errno.h>
+#include <inttypes.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <poll.h>
@@ -14,6 +15,7 @@
 
 #include "channel/channel.h"
 #include "channel/handshakes.h"
+#include "channel/lines.h"
 #include "iec61850/association.h"
 #include "iec61850/control.h"
 #include "iec61850/report.h"
@@ -42,10 +44,19 @@ static struct connection {
 
 static void say(enum map_log_level level, const char *peer, const char *text)
 {
-	if (peer != NULL)
-		map_log(map, level, "%s: %s", peer, text);
-	else
+	static struct channel_lines lines;
+
+	if (peer == NULL) {
 		map_log(map, level, "%s", text);
+		return;
+	}
+	if (!channel_may_say(&lines, map_now_ns()))
+		return;
+	if (lines.withheld > 0)
+		map_log(map, MAP_LOG_WARNING, "%" PRIu32 " lines about connections are left out",
+			lines.withheld);
+	lines.withheld = 0;
+	map_log(map, level, "%s: %s", peer, text);
 }
 
 static struct channel_owner channels = {.peers = "clients", .say = say};
@@ -67,8 +78,7 @@ static void end(struct connection *connection, enum iec61850_end why)
 	else if (why != IEC61850_RELEASED)
 		iec61850_count(&server, IEC61850_COUNT_DROPPED);
 	if (connection->association.associated || why != IEC61850_RELEASED)
-		map_log(map, why == IEC61850_RELEASED ? MAP_LOG_INFO : MAP_LOG_WARNING, "%s: %s",
-			connection->peer, texts[why]);
+		say(why == IEC61850_RELEASED ? MAP_LOG_INFO : MAP_LOG_WARNING, connection->peer, texts[why]);
 	iec61850_association_end(&connection->association, &server);
 	channel_close(&connection->channel);
 	connection->channel.fd = -1;
