@@ -8,6 +8,8 @@
 #include <cmocka.h>
 
 #include "ber/ber.h"
+#include "iec61850/association.h"
+#include "iec61850/unit.h"
 #include "iec61850/value.h"
 #include "quality/quality.h"
 
@@ -104,6 +106,81 @@ static void test_time_says_how_good_the_clock_is(void **state)
 	assert_memory_equal(out, ((const uint8_t[]){0, 0, 0, 0, 0, 0, 0, 0x20 | 31}), sizeof(out));
 }
 
+static void test_units_are_numbers_and_powers_of_ten(void **state)
+{
+	static const struct {
+		const char *text;
+		struct iec61850_unit unit;
+	} cases[] = {{"W", {38, 0}},  {"MW", {38, 6}},  {"mW", {38, -3}}, {"kvarh", {73, 3}}, {"%", {1, -2}},
+		     {"h", {84, 0}},  {"hPa", {39, 2}}, {"min", {85, 0}}, {"m", {2, 0}},      {"mm", {2, -3}},
+		     {"Pa", {39, 0}}, {"dB", {79, 0}},  {"µA", {5, -6}},  {"uA", {5, -6}},    {"kg", {3, 0}},
+		     {"g", {3, -3}},  {"t", {0, 0}},    {"mm²", {0, 0}},  {"km3", {0, 0}},    {"", {0, 0}},
+		     {"k", {0, 0}},   {"kkg", {0, 0}},  {"k%", {0, 0}},   {"dag", {3, -2}},   {"cg", {0, 0}}};
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+		const struct iec61850_unit unit = iec61850_unit_parse(cases[i].text);
+
+		assert_int_equal(unit.si, cases[i].unit.si);
+		assert_int_equal(unit.exponent, cases[i].unit.exponent);
+	}
+}
+
+/* A connection at the time 0, which nothing has come from. */
+static struct iec61850_association new_connection(void)
+{
+	static uint8_t input[IEC61850_INPUT_SIZE], message[IEC61850_MESSAGE_SIZE(1000)],
+	    output[IEC61850_OUTPUT_SIZE(1000)];
+	struct iec61850_association association = {.transport = {.input = input,
+								 .message = message,
+								 .output = output,
+								 .message_size = sizeof(message),
+								 .output_size = sizeof(output)}};
+
+	iec61850_association_open(&association, 1000, 0);
+	return association;
+}
+
+static void test_who_does_not_associate_has_ten_seconds(void **state)
+{
+	static struct iec61850_server server;
+	struct iec61850_association association = new_connection();
+
+	(void)state;
+	assert_int_equal(iec61850_association_run(&association, &server, NULL, 10 * NS_PER_S - 1),
+			 IEC61850_STAYS);
+	assert_int_equal(iec61850_association_run(&association, &server, NULL, 10 * NS_PER_S),
+			 IEC61850_SILENT_START);
+}
+
+static void test_who_sleeps_gives_way_after_a_minute(void **state)
+{
+	struct iec61850_association association = new_connection();
+
+	(void)state;
+	assert_int_equal(iec61850_association_idle_ns(&association, NS_PER_S), NS_PER_S);
+	association.associated = true;
+	assert_int_equal(iec61850_association_idle_ns(&association, 60 * NS_PER_S - 1), 0);
+	assert_int_equal(iec61850_association_idle_ns(&association, 60 * NS_PER_S), 60 * NS_PER_S);
+}
+
+static void test_who_takes_nothing_has_half_a_minute(void **state)
+{
+	static struct iec61850_server server;
+	struct iec61850_association association = new_connection();
+
+	(void)state;
+	association.associated = true;
+	association.transport.output_end = 2;
+	assert_int_equal(iec61850_association_run(&association, &server, NULL, 30 * NS_PER_S - 1),
+			 IEC61850_STAYS);
+	assert_int_equal(iec61850_association_run(&association, &server, NULL, 30 * NS_PER_S),
+			 IEC61850_STUCK);
+	iec61850_association_written(&association, 1, 30 * NS_PER_S); /* an octet is enough */
+	assert_int_equal(iec61850_association_run(&association, &server, NULL, 59 * NS_PER_S),
+			 IEC61850_STAYS);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -112,6 +189,10 @@ int main(void)
 	    cmocka_unit_test(test_what_has_no_room_is_full),
 	    cmocka_unit_test(test_quality_says_why),
 	    cmocka_unit_test(test_time_says_how_good_the_clock_is),
+	    cmocka_unit_test(test_units_are_numbers_and_powers_of_ten),
+	    cmocka_unit_test(test_who_does_not_associate_has_ten_seconds),
+	    cmocka_unit_test(test_who_sleeps_gives_way_after_a_minute),
+	    cmocka_unit_test(test_who_takes_nothing_has_half_a_minute),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);
