@@ -44,7 +44,8 @@ HERE = Path(__file__).parent
 DEVICES, STATES, MEASURED = 50, 60, 39  # and a register that is set: 5 000 points
 READS, LISTS, LIST = 1000, 100, 100
 RATES = tuple(1000 << n for n in range(7))  # events a second
-QUIET_S = 1.0  # without an octet: no more comes
+QUIET_S = 3.0  # without an octet: no more comes
+TRIES = 2  # of a rate: a busy host may hold up either end
 PLACES = 65536
 CHANGES, PERIOD_MS = 2000, 5  # that GOOSE tells
 APP_ID, CONTROL = 0x3001, "BENCHLD0/LLN0$GO$changed"
@@ -288,7 +289,7 @@ def reported(server: Server, rate: int) -> tuple[float, float] | None:
         begun, cpu = time.perf_counter(), server.cpu_of_all_us()
         server.make_events(rate)
         pieces, last = [], begun
-        while select.select([client.socket], [], [], QUIET_S if pieces else 5 * QUIET_S)[0]:
+        while select.select([client.socket], [], [], QUIET_S if pieces else 3 * QUIET_S)[0]:
             pieces.append(client.socket.recv(1 << 20))
             if not pieces[-1]:
                 return None
@@ -302,13 +303,16 @@ def best_of(
     start: Callable[[], contextlib.AbstractContextManager[Server]], rates: tuple[int, ...]
 ) -> tuple[float, float]:
     """The highest rate without loss, as it arrived, and CPU of an event at the lowest."""
-    best, cost = 0.0, 0.0
-    for rate in rates:
+    best, cost, tries = 0.0, 0.0, TRIES
+    left = list(rates)
+    while left and tries:
         with start() as server:
-            found = reported(server, rate)
+            found = reported(server, left[0])
         if found is None:
-            break
-        best, cost = max(best, found[0]), cost or found[1]
+            tries -= 1
+            continue
+        best, cost, tries = max(best, found[0]), cost or found[1], TRIES
+        left.pop(0)
     return best, cost
 
 

@@ -31,7 +31,7 @@ EMAC = (0xB0012000, 0xB0022000)
 MCMDR, CTXDSA, CRXDSA = 0x90, 0xCC, 0xD4
 TXON = 1 << 8
 NO_MEMORY = 0xFFFFFFF0
-GROUP = "01:0c:cd:01:00:02"
+GOOSE_GROUP = "01:0c:cd:01:00:02"
 GOOSE_SECONDS = 120.0  # from the start of rtud; for a hang only
 LINKTYPE_ETHERNET = 1
 
@@ -82,7 +82,7 @@ def board_uarts() -> tuple[int, ...]:
 def gateway(port: int) -> str:
     """What a relay says by GOOSE is a point, and is published on the same port."""
     control = "RELAYLD0/LLN0$GO$trip"
-    relay = {"name": "relay", "control_block": control, "destination": GROUP, "app_id": 2, "ca": 904}
+    relay = {"name": "relay", "control_block": control, "destination": GOOSE_GROUP, "app_id": 2, "ca": 904}
     relay["data"] = [{"name": "relay.trip", "type": "single", "ioa": 1}]
     own = {"name": "own", "control_block": "GW1LD0/LLN0$GO$own", "data_set": "GW1LD0/LLN0$own", "app_id": 1}
     goose = {"publish": [own | {"points": ["relay.trip"]}], "subscribe": [relay]}
@@ -481,16 +481,12 @@ def test_goose_on_either_port(linux: Linux, ports: tuple[Wire, Wire], port: int,
         f"rtud --map /tmp/goose{port} /etc/goose{port}.json > /tmp/goose{port}.log 2>&1 & echo $! > /tmp/pid"
     )
     try:
-        until(lambda: wire.goose, f"GOOSE on eth{port}", GOOSE_SECONDS)
+        assert wire.hears_goose(b"", 0, GOOSE_SECONDS)
         for state, on in ((1, True), (2, False)):
             heard = len(wire.goose)
-            wire.send(wire.frame(GOOSE, of_the_relay(state, on), bytes_of(GROUP)))
-            said = mms.element(0x83, b"\1" if on else b"\0")
-            until(
-                lambda said=said, heard=heard: any(said in f for f in wire.goose[heard:]),
-                f"{on}",
-                GOOSE_SECONDS,
-            )
+            wire.send(wire.frame(GOOSE, of_the_relay(state, on), bytes_of(GOOSE_GROUP)))
+            said = mms.element(0x83, b"\xff" if on else b"\0")
+            assert wire.hears_goose(said, heard, GOOSE_SECONDS), on
     finally:
         linux.run("kill $(cat /tmp/pid); while kill -0 $(cat /tmp/pid); do sleep 0.1; done")
     rows = dissected(

@@ -137,6 +137,11 @@ class Wire:
         self.ping(0x8000 + self._asked, b"are you there")
         return self.pong(0x8000 + self._asked, seconds) == b"are you there"
 
+    def hears_goose(self, octets: bytes, since: int, seconds: float) -> bool:
+        """Whether the board sends a frame with these octets, behind so many."""
+        self._wait(lambda: any(octets in frame for frame in self.goose[since:]), seconds)
+        return any(octets in frame for frame in self.goose[since:])
+
     def _wait(self, condition: Callable[[], bool], seconds: float) -> None:
         with self._news:
             self._news.wait_for(condition, max(seconds, 0.0))
