@@ -464,11 +464,11 @@ PYTEST = OPENRTU_TIMES=build/times/$@.json $(PYTHON) tests/alone.py -n $(WORKERS
 test-quick: $(VENV) ## Test: lint, C unit tests, the quick half of pytest, in some minutes
 	$(MAKE) --jobs 3 --output-sync=line lint unit .quick
 
-# Nothing on the emulated board is quick, and each worker would read these files.
+# Nothing on the emulated board is quick, and nobody begins with the bench: each worker would read these files.
 .PHONY: .quick
 .quick: WORKERS := 4
 .quick: build $(TESTED)
-	$(PYTEST) --ignore=tests/linux --ignore=tests/twin -m "not slow and not soak"
+	$(PYTEST) --ignore=tests/linux --ignore=tests/twin --ignore=tests/bench -m "not slow and not soak"
 
 # One area: all of it, or FILES='tests/…'.
 FILES :=
@@ -576,7 +576,7 @@ bench-polls: build $(TESTED) ## Maintain: of the bench the polls of positions an
 bench-map: build centre-page build/packages-centre.done $(TESTED) ## Maintain: frames a second of the control centre's map
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/frames.py
 
-bench: build qemu uboot build/root/gateway-tls.done build/net-snmp-agent/done $(VENV) ## Maintain: measure ours beside what else does the same (docs/bench.md; LIB60870=folder)
+bench: build qemu uboot build/root/gateway-tls.done build/net-snmp-agent/done $(VENV) ## Maintain: measure ours beside what does the same (docs/bench.md; LIB60870=folder)
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/bench.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/stations.py $(if $(LIB60870),--lib60870 '$(LIB60870)')
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/lines.py
