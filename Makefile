@@ -476,11 +476,11 @@ PYTEST = OPENRTU_TIMES=build/times/$@.json $(PYTHON) tests/alone.py -n $(WORKERS
 test-quick: $(VENV) ## Test: lint, C unit tests, the quick half of pytest, in some minutes
 	$(MAKE) --jobs 3 --output-sync=line lint unit .quick
 
-# Nothing on the emulated board is quick, and each worker would read these files.
+# Nothing on the emulated board is quick, and nobody begins with the bench: each worker would read these files.
 .PHONY: .quick
 .quick: WORKERS := 4
 .quick: build $(TESTED)
-	$(PYTEST) --ignore=tests/linux --ignore=tests/twin -m "not slow and not soak"
+	$(PYTEST) --ignore=tests/linux --ignore=tests/twin --ignore=tests/bench -m "not slow and not soak"
 
 # One area: all of it, or FILES='tests/…'.
 FILES :=

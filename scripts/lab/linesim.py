@@ -13,6 +13,7 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import islice
 from pathlib import Path
 from types import TracebackType
@@ -49,6 +50,19 @@ class Frame:
     value: int = 0
 
 
+@dataclass
+class Record:
+    """A frame as linesim wrote it, decoded when somebody looks at it: at most frames nobody does."""
+
+    number: int
+    line: str
+
+    @cached_property
+    def frame(self) -> Frame:
+        fields = json.loads(self.line)
+        return Frame(number=self.number, **fields | {"bytes": bytes(fields.get("bytes", ()))})
+
+
 def default_program() -> Path:
     """The program that `make build` makes, or the one that OPENRTU_LINESIM names."""
     return Path(os.environ.get("OPENRTU_LINESIM", REPOSITORY / "build" / "linesim" / "linesim"))
@@ -82,7 +96,7 @@ class LineSim:
         self._socket: socket.socket | None = None
         self._reader: threading.Thread | None = None
         self._answers: queue.Queue[str | None] = queue.Queue()
-        self._frames: deque[Frame] = deque(maxlen=FRAMES_KEPT)
+        self._records: deque[Record] = deque(maxlen=FRAMES_KEPT)
         self._news = threading.Condition()
         self._last_number = 0
         self._gone = False
@@ -223,7 +237,7 @@ class LineSim:
                 if self._gone:
                     raise LineSimError("linesim has ended: it closed the control socket")
                 if deadline.over:
-                    last = self._frames[-1].text if self._frames else "none"
+                    last = self._records[-1].frame.text if self._records else "none"
                     raise LineSimError(
                         f"no such frame within {deadline.waited:.0f} s; the last one was: {last}"
                     )
@@ -232,9 +246,9 @@ class LineSim:
     # ---- inside --------------------------------------------------------------------------
 
     def _behind(self, number: int) -> list[Frame]:
-        """The frames behind this number; the numbers of those that are kept follow each other."""
-        kept_from = self._last_number - len(self._frames)
-        return list(islice(self._frames, max(0, number - kept_from), None))
+        """The frames behind this number, of those that are kept."""
+        newest = list(islice(reversed(self._records), self._last_number - number))
+        return [record.frame for record in reversed(newest)]
 
     def _wait_ready(self, process: subprocess.Popen[str]) -> None:
         assert process.stdout is not None
@@ -264,7 +278,7 @@ class LineSim:
                 if not line.endswith("\n"):
                     break  # it was ended while it wrote
                 if line.startswith("{"):
-                    self._keep(json.loads(line))
+                    self._keep(line)
                 else:
                     self._answers.put(line.rstrip("\n"))
         self._answers.put(None)
@@ -272,9 +286,8 @@ class LineSim:
             self._gone = True
             self._news.notify_all()
 
-    def _keep(self, record: dict[str, Any]) -> None:
-        record["bytes"] = bytes(record.get("bytes", ()))
+    def _keep(self, line: str) -> None:
         with self._news:
             self._last_number += 1
-            self._frames.append(Frame(number=self._last_number, **record))
+            self._records.append(Record(self._last_number, line))
             self._news.notify_all()

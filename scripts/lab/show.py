@@ -294,10 +294,8 @@ def single_command(desk: Desk) -> None:
     say(f"     on line 3    {frame.text}")
     check(confirmed, "the station did not confirm the command")
     say("     master       activation confirmed: the device has answered")
-    report = desk.master.wait(
-        lambda r: (r.ioa, r.cause) == (4, "RETURN_INFO_REMOTE") and r.value is True, since, DEADLINE_S
-    )
-    event(report)
+    returned = (STATION, 4, "RETURN_INFO_REMOTE", True)
+    event(desk.master.wait(lambda r: (r.ca, r.ioa, r.cause, r.value) == returned, since, DEADLINE_S))
 
 
 def set_point(desk: Desk) -> None:
@@ -310,7 +308,7 @@ def set_point(desk: Desk) -> None:
     say(f"     on line 3    {frame.text}")
     check(confirmed, "the station did not confirm the command")
     say("     master       activation confirmed: the device has answered")
-    event(desk.master.wait(lambda r: r.ioa == 40003 and r.value == 255, since, DEADLINE_S))
+    event(desk.master.wait(lambda r: (r.ca, r.ioa, r.value) == (STATION, 40003, 255), since, DEADLINE_S))
 
 
 def refused_command(desk: Desk) -> None:

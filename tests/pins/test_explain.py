@@ -28,16 +28,16 @@ def line(word: str, start: str) -> str:
     return next(text for text in lines if text.startswith(start))
 
 
-@pytest.mark.parametrize("pin", CHIP.pins)
-def test_a_pin_with_all_its_functions_and_how_to_write_them(pin: str) -> None:
-    bank, index = pin_order(pin)
-    rows = [row.replace("*", " ").split() for row in explain(pin, CHIP, BOARD)]
-    for value, signal in CHIP.pins[pin].items():
-        cells = f"<{bank} {index} {value} 0>".split()
-        assert [str(value), signal, *cells] in [row[:6] for row in rows]
-    for name, package in CHIP.packages.items():
-        assert f"{name} {package.bonded.get(pin, 'not brought out')}" in explained(pin)
-    assert explain(pin.lower(), CHIP, BOARD) == explain(pin, CHIP, BOARD)
+def test_each_pin_with_all_its_functions_and_how_to_write_them() -> None:
+    for pin, functions in CHIP.pins.items():
+        bank, index = pin_order(pin)
+        rows = [row.replace("*", " ").split() for row in explain(pin, CHIP, BOARD)]
+        for value, signal in functions.items():
+            cells = f"<{bank} {index} {value} 0>".split()
+            assert [str(value), signal, *cells] in [row[:6] for row in rows], pin
+        for name, package in CHIP.packages.items():
+            assert f"{name} {package.bonded.get(pin, 'not brought out')}" in explained(pin)
+        assert explain(pin.lower(), CHIP, BOARD) == explain(pin, CHIP, BOARD)
 
 
 def test_a_pin_of_the_table() -> None:
@@ -92,9 +92,9 @@ def test_a_signal_with_all_places_and_who_is_there() -> None:
     assert "signal of sc0 or scuart0" in explained("SC0_DAT")
 
 
-@pytest.mark.parametrize("signal", CHIP.signals)
-def test_each_signal_is_explained(signal: str) -> None:
-    assert [pin for pin, _ in CHIP.signals[signal]] == re.findall(r"P[A-G]\d+(?= +<)", explained(signal))
+def test_each_signal_is_explained() -> None:
+    for signal, places in CHIP.signals.items():
+        assert [pin for pin, _ in places] == re.findall(r"P[A-G]\d+(?= +<)", explained(signal)), signal
 
 
 def test_a_device() -> None:
@@ -108,12 +108,11 @@ def test_a_device() -> None:
     assert line("spi0", "pin table") == "pin table not used"
 
 
-@pytest.mark.parametrize("label", CHIP.peripherals)
-def test_each_device_is_explained_with_all_its_signals(label: str) -> None:
-    device = CHIP.peripherals[label]
-    assert {signal for signal in CHIP.signals if device.owns(signal)} == {
-        words[0] for words in map(str.split, explain(label, CHIP, BOARD)) if words[0] in CHIP.signals
-    }
+def test_each_device_is_explained_with_all_its_signals() -> None:
+    for label, device in CHIP.peripherals.items():
+        assert {signal for signal in CHIP.signals if device.owns(signal)} == {
+            words[0] for words in map(str.split, explain(label, CHIP, BOARD)) if words[0] in CHIP.signals
+        }, label
 
 
 @pytest.mark.parametrize("word", ["<4 7 1 0>", "4 7 1 0", "0x4 0x7 0x1 0x0", " < 4  7 1 0 > "])
