@@ -172,66 +172,7 @@ static void await_turnaround(struct modbus_line *line, int64_t now_ns)
 	modbus_end_command(line, MODBUS_DONE, 0);
 }
 
-/* ---- the line ------------------------------------------------------------------------------------------ */
-
-static void lose_all(struct modbus_line *line, int64_t now_ns)
-{
-	for (uint32_t i = 0; i < line->device_count; i++)
-		modbus_device_died(line, i, now_ns);
-	modbus_drop_commands(line);
-}
-
-void modbus_line_init(struct modbus_line *line)
-{
-	for (uint32_t i = 0; i < line->device_count; i++) {
-		modbus_objects_sort(line->devices[i].objects, line->devices[i].object_count);
-		modbus_replan(line, &line->devices[i]);
-	}
-	line->state = MODBUS_CLOSED;
-}
-
-void modbus_line_open(struct modbus_line *line, int64_t now_ns)
-{
-	for (uint32_t i = 0; i < line->device_count; i++) {
-		line->devices[i].backoff_ns = 0;
-		line->devices[i].timeout_ns = line->devices[i].slowest_ns = 0;
-		line->devices[i].failures = 0;
-		line->devices[i].next_probe_ns = line->devices[i].lone_probe_ns = now_ns;
-		line->devices[i].inherited = !line->wire.tcp && modbus_is_readable(&line->devices[i]);
-		line->devices[i].trust_ns =
-		    later(line->devices[i].trust_ns,
-			  now_ns + line->devices[i].response_timeout_ns + MODBUS_LATE_NS);
-	}
-	line->received_count = line->stream_count = 0;
-	line->overdue = 0;
-	line->last_byte_ns = now_ns - MODBUS_GAP_NS;
-	line->turn = line->probe_turn = 0;
-	line->probed_in_vain = line->scan_begun = false;
-	line->commands_in_row = line->due_in_row = 0;
-	/* Whatever was under way when the serial port was opened must have ended. */
-	modbus_end(line, line->wire.tcp ? now_ns : now_ns + MODBUS_GAP_NS, now_ns);
-}
-
-void modbus_line_close(struct modbus_line *line, int64_t now_ns)
-{
-	bool commanding = (line->state == MODBUS_WAITING && line->purpose == MODBUS_COMMAND) ||
-			  line->state == MODBUS_TURNAROUND;
-
-	if (line->state == MODBUS_WAITING)
-		modbus_remember_unanswered(line);
-	line->state = MODBUS_CLOSED;
-	if (commanding)
-		modbus_end_command(line, MODBUS_TIMED_OUT, 0);
-	lose_all(line, now_ns);
-}
-
-bool modbus_line_command(struct modbus_line *line, const struct modbus_command *command)
-{
-	if (line->state == MODBUS_CLOSED || line->command_count == line->command_capacity)
-		return false;
-	line->commands[line->command_count++] = *command;
-	return true;
-}
+/* ---- a serial line ------------------------------------------------------------------------------------- */
 
 static void keep_byte(struct modbus_line *line, uint8_t byte)
 {
@@ -280,6 +221,96 @@ static size_t missing(const struct modbus_line *line)
 	return modbus_answer_missing(&line->request, line->received + line->strays, begun, !is_plain(device));
 }
 
+static bool receive(struct modbus_line *line, const uint8_t *bytes, size_t length, int64_t now_ns)
+{
+	size_t lacking;
+
+	line->last_byte_ns = now_ns;
+	for (size_t i = 0; i < length; i++)
+		receive_byte(line, bytes[i], now_ns);
+	lacking = missing(line);
+	line->listen_ns = lacking > 0 ? now_ns + (int64_t)lacking * line->wire.char_ns : 0;
+	return true;
+}
+
+static size_t build(struct modbus_line *line)
+{
+	return modbus_request_frame(&line->request, line->frame);
+}
+
+static void remember_unanswered(struct modbus_line *line)
+{
+	modbus_add_unanswered(&line->devices[line->device], &line->request, line->sent_ns);
+}
+
+static const struct modbus_backend serial = {.build = build,
+					     .receive = receive,
+					     .remember_unanswered = remember_unanswered,
+					     .rest_ns = MODBUS_GAP_NS,
+					     .answers_are_alike = true};
+
+/* ---- the line ------------------------------------------------------------------------------------------ */
+
+static void lose_all(struct modbus_line *line, int64_t now_ns)
+{
+	for (uint32_t i = 0; i < line->device_count; i++)
+		modbus_device_died(line, i, now_ns);
+	modbus_drop_commands(line);
+}
+
+void modbus_line_init(struct modbus_line *line)
+{
+	for (uint32_t i = 0; i < line->device_count; i++) {
+		modbus_objects_sort(line->devices[i].objects, line->devices[i].object_count);
+		modbus_replan(line, &line->devices[i]);
+	}
+	line->state = MODBUS_CLOSED;
+}
+
+void modbus_line_open(struct modbus_line *line, int64_t now_ns)
+{
+	line->backend = line->wire.tcp ? &modbus_stream : &serial;
+	for (uint32_t i = 0; i < line->device_count; i++) {
+		line->devices[i].backoff_ns = 0;
+		line->devices[i].timeout_ns = line->devices[i].slowest_ns = 0;
+		line->devices[i].failures = 0;
+		line->devices[i].next_probe_ns = line->devices[i].lone_probe_ns = now_ns;
+		line->devices[i].inherited =
+		    line->backend->answers_are_alike && modbus_is_readable(&line->devices[i]);
+		line->devices[i].trust_ns =
+		    later(line->devices[i].trust_ns,
+			  now_ns + line->devices[i].response_timeout_ns + MODBUS_LATE_NS);
+	}
+	line->received_count = line->stream_count = 0;
+	line->overdue = 0;
+	line->last_byte_ns = now_ns - MODBUS_GAP_NS;
+	line->turn = line->probe_turn = 0;
+	line->probed_in_vain = line->scan_begun = false;
+	line->commands_in_row = line->due_in_row = 0;
+	modbus_end(line, now_ns + line->backend->rest_ns, now_ns);
+}
+
+void modbus_line_close(struct modbus_line *line, int64_t now_ns)
+{
+	bool commanding = (line->state == MODBUS_WAITING && line->purpose == MODBUS_COMMAND) ||
+			  line->state == MODBUS_TURNAROUND;
+
+	if (line->state == MODBUS_WAITING)
+		line->backend->remember_unanswered(line);
+	line->state = MODBUS_CLOSED;
+	if (commanding)
+		modbus_end_command(line, MODBUS_TIMED_OUT, 0);
+	lose_all(line, now_ns);
+}
+
+bool modbus_line_command(struct modbus_line *line, const struct modbus_command *command)
+{
+	if (line->state == MODBUS_CLOSED || line->command_count == line->command_capacity)
+		return false;
+	line->commands[line->command_count++] = *command;
+	return true;
+}
+
 bool modbus_line_receive(struct modbus_line *line, const uint8_t *bytes, size_t length, int64_t now_ns)
 {
 	if (line->state == MODBUS_CLOSED || length == 0)
@@ -287,15 +318,7 @@ bool modbus_line_receive(struct modbus_line *line, const uint8_t *bytes, size_t 
 	if (line->state == MODBUS_WAITING && line->purpose == MODBUS_SCAN &&
 	    now_ns >= last_moment(line) + MODBUS_LATE_NS)
 		modbus_request_timed_out(line, now_ns);
-	if (line->wire.tcp)
-		return modbus_stream_receive(line, bytes, length, now_ns);
-	line->last_byte_ns = now_ns;
-	for (size_t i = 0; i < length; i++)
-		receive_byte(line, bytes[i], now_ns);
-	size_t lacking = missing(line);
-
-	line->listen_ns = lacking > 0 ? now_ns + (int64_t)lacking * line->wire.char_ns : 0;
-	return true;
+	return line->backend->receive(line, bytes, length, now_ns);
 }
 
 static size_t leave_idle(struct modbus_line *line, int64_t now_ns)

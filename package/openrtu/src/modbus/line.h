@@ -200,6 +200,7 @@ struct modbus_line {
 	enum modbus_line_state state;
 
 	/* The line's own. */
+	const struct modbus_backend *backend; /* since it was opened */
 	uint32_t command_count;
 	uint32_t commands_in_row; /* since the last poll */
 	uint32_t due_in_row;      /* since the last read of the scan */

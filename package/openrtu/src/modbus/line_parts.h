@@ -11,6 +11,19 @@ static inline int64_t begun_ns(const struct modbus_line *line)
 	return line->sent_ns - (int64_t)line->frame_length * line->wire.char_ns - line->wire.before_ns;
 }
 
+/* What a serial line and a TCP connection do each in their own way. */
+struct modbus_backend {
+	/* line->request as a frame, in line->frame. Returns its length. */
+	size_t (*build)(struct modbus_line *line);
+	/* modbus_line_receive. */
+	bool (*receive)(struct modbus_line *line, const uint8_t *bytes, size_t length, int64_t now_ns);
+	/* The answer to the request under way may still come. */
+	void (*remember_unanswered)(struct modbus_line *line);
+	int64_t rest_ns;        /* before the first request: whatever was under way has ended then */
+	bool answers_are_alike; /* none says which request it answers: it may be one of the process before */
+	bool has_gateways;      /* some devices are reached through another one, which says if they are not */
+};
+
 /* ---- device.c ---------------------------------------------------------------------------- */
 
 /* It has objects, and is no broadcast address. */
@@ -72,8 +85,6 @@ void modbus_request_answered(struct modbus_line *line, const uint8_t *body, bool
 /* It was not: by no sound frame, by none in time. */
 void modbus_answer_garbled(struct modbus_line *line, int64_t now_ns);
 void modbus_request_timed_out(struct modbus_line *line, int64_t now_ns);
-/* Its answer may still come. On TCP it cannot be mistaken. */
-void modbus_remember_unanswered(struct modbus_line *line);
 /* A sound frame that is not the answer awaited. body: length bytes of unit, function and data. */
 void modbus_count_wrong_answer(struct modbus_line *line, const uint8_t *body, size_t length);
 
@@ -86,7 +97,6 @@ int64_t modbus_next_due(const struct modbus_line *line, int64_t now_ns);
 
 /* ---- stream.c ---------------------------------------------------------------------------- */
 
-/* modbus_line_receive on TCP. */
-bool modbus_stream_receive(struct modbus_line *line, const uint8_t *bytes, size_t length, int64_t now_ns);
+extern const struct modbus_backend modbus_stream;
 
 #endif

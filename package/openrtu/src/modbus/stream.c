@@ -41,7 +41,18 @@ static void take_frame(struct modbus_line *line, const uint8_t *frame, size_t le
 	modbus_request_answered(line, body, verdict == MODBUS_EXCEPTION, now_ns);
 }
 
-bool modbus_stream_receive(struct modbus_line *line, const uint8_t *bytes, size_t length, int64_t now_ns)
+static size_t build(struct modbus_line *line)
+{
+	line->overdue <<= 1;
+	return modbus_mbap_frame(&line->request, ++line->transaction, line->frame);
+}
+
+static void remember_unanswered(struct modbus_line *line)
+{
+	line->overdue |= 1;
+}
+
+static bool receive(struct modbus_line *line, const uint8_t *bytes, size_t length, int64_t now_ns)
 {
 	for (size_t i = 0; i < length; i++) {
 		line->stream[line->stream_count++] = bytes[i];
@@ -56,3 +67,6 @@ bool modbus_stream_receive(struct modbus_line *line, const uint8_t *bytes, size_
 	}
 	return true;
 }
+
+const struct modbus_backend modbus_stream = {
+    .build = build, .receive = receive, .remember_unanswered = remember_unanswered, .has_gateways = true};

@@ -3,14 +3,6 @@
 #include "map/time_ns.h"
 #include "modbus/line_parts.h"
 
-static size_t build_frame(struct modbus_line *line)
-{
-	if (!line->wire.tcp)
-		return modbus_request_frame(&line->request, line->frame);
-	line->overdue <<= 1;
-	return modbus_mbap_frame(&line->request, ++line->transaction, line->frame);
-}
-
 /* A command's fate must be known, and a read that was not answered before is given up when it is not again. */
 static int64_t timeout_of(const struct modbus_line *line, const struct modbus_device *device)
 {
@@ -23,7 +15,7 @@ static int64_t timeout_of(const struct modbus_line *line, const struct modbus_de
 size_t modbus_begin(struct modbus_line *line, enum modbus_purpose purpose, uint32_t index, int64_t now_ns)
 {
 	struct modbus_device *device = &line->devices[index];
-	size_t length = build_frame(line);
+	size_t length = line->backend->build(line);
 	bool broadcast = line->request.unit == MODBUS_BROADCAST;
 
 	line->purpose = purpose;
@@ -100,7 +92,7 @@ static void count_answer(struct modbus_line *line, bool exception)
 /* A gateway's word that it does not reach the device: it comes instead of the device's own. */
 static bool is_unreachable(const struct modbus_line *line, uint8_t exception)
 {
-	return line->wire.tcp && (exception == MODBUS_NO_PATH || exception == MODBUS_NO_TARGET);
+	return line->backend->has_gateways && (exception == MODBUS_NO_PATH || exception == MODBUS_NO_TARGET);
 }
 
 void modbus_request_answered(struct modbus_line *line, const uint8_t *body, bool is_exception, int64_t now_ns)
@@ -148,19 +140,11 @@ void modbus_count_wrong_answer(struct modbus_line *line, const uint8_t *body, si
 	line->devices[line->device].counters.errors++;
 }
 
-void modbus_remember_unanswered(struct modbus_line *line)
-{
-	if (line->wire.tcp)
-		line->overdue |= 1;
-	else
-		modbus_add_unanswered(&line->devices[line->device], &line->request, line->sent_ns);
-}
-
 static void request_unanswered(struct modbus_line *line, int64_t now_ns)
 {
 	struct modbus_device *device = &line->devices[line->device];
 
-	modbus_remember_unanswered(line);
+	line->backend->remember_unanswered(line);
 	modbus_end(line, later(now_ns, line->last_byte_ns + MODBUS_GAP_NS), now_ns);
 	if (line->purpose == MODBUS_COMMAND)
 		modbus_end_command(line, MODBUS_TIMED_OUT, 0);
