@@ -98,8 +98,8 @@ class Device:
     units: dict[Key, str] = field(default_factory=dict)
     texts: dict[Key, str] = field(default_factory=dict)  # d
     addresses: dict[Key, tuple[int, int]] = field(default_factory=dict)
-    sets: dict[str, list[Element]] = field(default_factory=dict)
-    reports: list[Element] = field(default_factory=list)
+    sets: dict[tuple[str, str], list[Element]] = field(default_factory=dict)  # by logical node and name
+    reports: list[tuple[str, Element]] = field(default_factory=list)  # each with its logical node
     goose: list[Element] = field(default_factory=list)
 
 
@@ -167,16 +167,14 @@ class File:
 
     def _blocks(self, device: Device, inst: str, node: str, ln: Element) -> None:
         where = f"{inst}/{node}"
-        if node != "LLN0" and all_of(ln, "DataSet") + all_of(ln, "ReportControl") + all_of(ln, "GSEControl"):
-            self.errors.append(
-                f"{where}: has data sets or control blocks, which this gateway has in LLN0 alone"
-            )
-            return
+        if node != "LLN0" and all_of(ln, "GSEControl"):
+            self.errors.append(f"{where}: has GSEControl, which this gateway has in LLN0 alone")
         for name in NOT_SERVED:
             self.errors += [f"{where}: has {name}, which this gateway has not" for _ in all_of(ln, name)[:1]]
+        device.sets |= {(node, each.get("name", "")): all_of(each, "FCDA") for each in all_of(ln, "DataSet")}
+        device.reports += [(node, each) for each in all_of(ln, "ReportControl")]
         if node == "LLN0":
-            device.sets = {each.get("name", ""): all_of(each, "FCDA") for each in all_of(ln, "DataSet")}
-            device.reports, device.goose = all_of(ln, "ReportControl"), all_of(ln, "GSEControl")
+            device.goose = all_of(ln, "GSEControl")
 
     def address(self, *names: str, inst: str = "", block: str = "") -> tuple[dict[str, str], Element | None]:
         """The P elements of the IED's access point, or of a GOOSE control block; and what holds them."""
@@ -314,8 +312,8 @@ class Taker:
         return (
             {name: [sorted(member.items()) for member in members] for name, members in device.sets.items()},
             [
-                (sorted(each.items()), [(part.tag, sorted(part.items())) for part in each])
-                for each in device.reports
+                (node, sorted(each.items()), [(part.tag, sorted(part.items())) for part in each])
+                for node, each in device.reports
             ],
         )
 
@@ -325,55 +323,57 @@ class Taker:
         names = {member.partition("[")[0] for members in chosen for member in members}
         return any(self.points[address] in names for address in device.addresses.values())
 
-    def members(self, inst: str, name: str) -> list[tuple[str, str | None]]:
+    def members(self, inst: str, name: str, node: str = "LLN0") -> list[tuple[str, str | None]]:
         """Points and attributes of a data set."""
         found, device = [], self.cid.devices[inst]
-        for each in device.sets.get(name, []):
+        for each in device.sets.get((node, name), []):
             key = (each.get("ldInst", ""), node_name(each), each.get("doName", ""))
             address = device.addresses.get(key)
             fc, attribute = each.get("fc", ""), each.get("daName")
             if address not in self.points or fc not in ("ST", "MX"):
                 self.errors.append(
-                    f"{inst}/LLN0.{name}: {'/'.join(key[:2])}.{key[2]} [{fc}] is no point with ST or MX"
+                    f"{inst}/{node}.{name}: {'/'.join(key[:2])}.{key[2]} [{fc}] is no point with ST or MX"
                 )
             else:
                 found.append((self.points[address], attribute))
-        if name not in device.sets:
-            self.errors.append(f"{inst}/LLN0: has no data set {name}, which a control block names")
+        if (node, name) not in device.sets:
+            self.errors.append(f"{inst}/{node}: has no data set {name}, which a control block names")
         return found
 
     def data_sets(self, inst: str, device: Device) -> list[Json]:
         found = []
-        for each in device.reports:
-            if each.get("datSet") not in device.sets:
+        for node, each in device.reports:
+            if (node, each.get("datSet")) not in device.sets:
                 self.errors.append(
-                    f"{inst}/LLN0: has no data set {each.get('datSet')}, which a control block names"
+                    f"{inst}/{node}: has no data set {each.get('datSet')}, which a control block names"
                 )
-        of_goose = {each.get("datSet") for each in device.goose} - {
-            each.get("datSet") for each in device.reports
+        of_goose = {("LLN0", each.get("datSet")) for each in device.goose} - {
+            (node, each.get("datSet")) for node, each in device.reports
         }
-        for name in device.sets:
-            if name in of_goose:
+        for node, name in device.sets:
+            if (node, name) in of_goose:
                 continue
-            members = self.members(inst, name)
+            members = self.members(inst, name, node)
             points = [point if attribute is None else f"{point}[{attribute}]" for point, attribute in members]
             one: Json = {"name": name, "points": list(dict.fromkeys(points))}
-            reports = [each for each in device.reports if each.get("datSet") == name]
+            if node != "LLN0":
+                one["ln"] = node
+            reports = [each for of, each in device.reports if of == node and each.get("datSet") == name]
             revisions = {int(each.get("confRev", "0")) for each in reports}
             if len(revisions) > 1:
                 self.errors.append(
-                    f"{inst}/LLN0.{name}: its control blocks have several confRev, expected one"
+                    f"{inst}/{node}.{name}: its control blocks have several confRev, expected one"
                 )
             elif revisions and revisions != {0}:
                 one["conf_rev"] = revisions.pop()
             if reports:
-                one["reports"] = [self.report(inst, each) for each in reports]
+                one["reports"] = [self.report(f"{inst}/{node}", each) for each in reports]
             found.append(one)
         return found
 
-    def report(self, inst: str, element: Element) -> Json:
+    def report(self, place: str, element: Element) -> Json:
         name, buffered = element.get("name", ""), element.get("buffered", "false") == "true"
-        enabled, where = one_of(element, "RptEnabled"), f"{inst}/LLN0.{element.get('name')}"
+        enabled, where = one_of(element, "RptEnabled"), f"{place}.{element.get('name')}"
         count = 1 if enabled is None else int(enabled.get("max", "1"))
         if element.get("indexed", "true") != "true":
             self.notes.append(f"{where}: is not indexed in the file, clients see {name}01")

@@ -505,7 +505,12 @@ COMPANIONS: dict[str, dict[str, Any]] = {
 
 
 # What a point of the small file can be in IEC 61850, if it is not a float.
-LN_OF = {"coil": "GGIO2.SPCSO1", "discrete_input": "Q1CSWI1.OpOpn", "register_bits": "Q1CSWI1.OpOpn"}
+LN_OF = {
+    "data_set": "LLN0",
+    "coil": "GGIO2.SPCSO1",
+    "discrete_input": "Q1CSWI1.OpOpn",
+    "register_bits": "Q1CSWI1.OpOpn",
+}
 
 
 def small_file() -> dict[str, Any]:

@@ -125,6 +125,21 @@ def test_data_sets_blocks_names_and_addresses_are_taken(tool: Tool, own: str) ->
     }
 
 
+def test_data_sets_of_other_nodes_and_of_attributes_are_taken(tool: Tool, own: str) -> None:
+    """A tool moves a data set and its control block from LLN0 to the breaker's node, and names attributes."""
+    member = '<FCDA ldInst="CA7" prefix="Q0" lnClass="XCBR" lnInst="1" doName="Pos"'
+    data_set = f'<DataSet name="Pos">{member} daName="stVal" fc="ST"/>{member} daName="q" fc="ST"/></DataSet>'
+    triggers = '<TrgOps dchg="true" gi="false"/>'
+    block = f'<ReportControl name="urcbPos" datSet="Pos" confRev="4">{triggers}</ReportControl>'
+    node = next(line for line in own.splitlines() if '<LN prefix="Q0" lnClass="XCBR"' in line)
+    config, _ = tool.taken(replace(own, (node, node + data_set + block)))
+    chosen = next(each for each in config["iec61850"]["data_sets"] if each["name"] == "Pos")
+    assert (chosen["ln"], chosen["conf_rev"]) == ("Q0XCBR1", 4)
+    assert chosen["points"] == ["q0.position[stVal]", "q0.position[q]"]
+    (report,) = chosen["reports"]
+    assert (report["name"], report["triggers"]) == ("urcbPos", ["dchg"])
+
+
 def test_a_node_with_another_prefix_is_the_same_point(tool: Tool, own: str) -> None:
     text = replace(own, ('prefix="Q0"', 'prefix="Q1"'))
     config, said = tool.taken(text)

@@ -61,6 +61,7 @@ CHOSEN = [
     },
     {
         "name": "Attributes",
+        "ln": "T1YLTC1",
         "points": ["t1.limit[mxVal.f]", "t1.tap[valWTr]", "t1.tap[q]", "t1.energy[actVal]", "t1.trip"],
         "reports": [{"name": "urcbSome", "triggers": ["gi"], "options": ["dataRef", "dataSet"]}],
     },
@@ -332,7 +333,8 @@ def test_another_ln_starts_the_module_again(gateway: Gateway) -> None:
 )
 def test_a_report_has_the_members_of_all_nodes(gateway: Gateway, device: str, block: str) -> None:
     """What an interrogation tells is what a Read of the same names does."""
-    path = f"LLN0${'BR' if block[0] == 'b' else 'RP'}${block}"
+    node = "T1YLTC1" if block == "urcbSome01" else "LLN0"
+    path = f"{node}${'BR' if block[0] == 'b' else 'RP'}${block}"
     yes = bytes.fromhex("8301ff")
     with mms.Client(gateway.configuration()["iec61850"]["port"], 65000) as client:
         ((_, of),) = client.values((device, f"{path}$DatSet"))
@@ -398,6 +400,8 @@ def test_a_reservation_outlives_the_association_of_its_client(gateway: Gateway) 
         ({"points": ["t1.tap[q]", "t1.tap[q]"]}, "in the data set already"),
         ({"name": "1st"}, "no name of SCL"),
         ({"name": "All"}, 'two data sets "All" of CA 7'),
+        ({"ln": "T9YLTC1"}, '"T9YLTC1" is no logical node of CA 7 that has a point'),
+        ({"ln": "LPHD1"}, '"LPHD1" is no logical node of CA 7 that has a point'),
         ({"reports": [{"name": "urcbAll"}]}, 'two control blocks "urcbAll"'),
         ({"reports": [{"name": "x", "options": ["entryID"]}]}, "of buffered reports alone"),
         ({"reports": [{"name": "x", "triggers": ["GI"]}]}, "is none of dchg qchg dupd period gi"),

@@ -36,12 +36,14 @@ struct iec61850_settings {
 	bool normal_security; /* of commands: without a CommandTermination */
 };
 
+#define IEC61850_LN_SIZE     17 /* a prefix and an instance of 12 characters together, the class between them */
 #define IEC61850_SET_SIZE    33 /* a data set's name, as Edition 2 has it */
 #define IEC61850_CB_SIZE     29 /* a control block's, before its index: its variable's name has 32 characters */
 #define IEC61850_RPT_ID_SIZE 130 /* VISIBLE STRING129 */
 
 /* A data set that somebody has chosen, of points of one device; it has no other data sets then. */
 struct iec61850_data_set {
+	char ln[IEC61850_LN_SIZE]; /* whose it is */
 	char name[IEC61850_SET_SIZE];
 	uint32_t first_member, member_count;
 	uint32_t conf_rev; /* 0: of its members */
@@ -66,8 +68,6 @@ struct iec61850_report {
 	bool buffered;
 	uint32_t buffer_ms, integrity_ms;
 };
-
-#define IEC61850_LN_SIZE 17 /* a prefix and an instance of 12 characters together, the class between them */
 
 /* Which data object a point is, if not one of GGIO1. In the order of the points. */
 struct iec61850_assignment {

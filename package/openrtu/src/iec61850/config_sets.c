@@ -10,9 +10,12 @@
 #include "iec61850/kept.h"
 #include "iec61850/model.h"
 
-enum { NAME, CONF_REV, POINTS, REPORTS, SET_KEYS };
+#define LLN0 "LLN0"
+
+enum { NAME, LN, CONF_REV, POINTS, REPORTS, SET_KEYS };
 static const struct config_rule set_rules[SET_KEYS] = {
     [NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .required = true, .low = 1, .high = IEC61850_SET_SIZE - 1},
+    [LN] = {"ln", CONFIG_TEXT, .low = 1, .high = IEC61850_LN_SIZE - 1},
     [CONF_REV] = {"conf_rev", CONFIG_INTEGER, .low = 1, .high = UINT32_MAX},
     [POINTS] = {"points", CONFIG_ARRAY, .required = true, .high = UINT16_MAX},
     [REPORTS] = {"reports", CONFIG_ARRAY, .high = IEC61850_SET_REPORTS_MAX},
@@ -237,6 +240,32 @@ static void read_member(struct config_loader *loader, const struct config_place 
 		*kept = member;
 }
 
+/* Whether a point is in the logical node. */
+static bool is_in(const struct map_config *config, const char *ln, uint32_t point)
+{
+	for (uint32_t i = 0; i < map_record_count(config, IEC61850_ASSIGNMENTS); i++)
+		if (iec61850_assignments(config)[i].point == point)
+			return strcmp(iec61850_assignments(config)[i].ln, ln) == 0;
+	return strcmp(ln, "GGIO1") == 0;
+}
+
+/* LLN0, or a logical node of a point of the device. */
+static void check_ln(struct config_loader *loader, const struct config_place *place,
+		     const struct iec61850_data_set *set, uint32_t member)
+{
+	const struct config_place here = config_key_of(place, set_rules[LN].name);
+	const struct map_config *config = loader->config;
+	const uint16_t ca = config->sets[config->points[member].set].ca;
+
+	if (strcmp(set->ln, LLN0) == 0)
+		return;
+	for (uint32_t i = 0; i < config->point_count; i++)
+		if (config->sets[config->points[i].set].ca == ca && is_in(config, set->ln, i))
+			return;
+	config_error(&loader->report, &here, "\"%s\" is no logical node of CA %u that has a point, nor " LLN0,
+		     set->ln, (unsigned)ca);
+}
+
 static void read_set(struct config_loader *loader, const struct config_place *place, const json_t *json,
 		     struct chosen *chosen)
 {
@@ -254,6 +283,7 @@ static void read_set(struct config_loader *loader, const struct config_place *pl
 	if (set == NULL)
 		return;
 	snprintf(set->name, sizeof(set->name), "%s", values[NAME].text);
+	snprintf(set->ln, sizeof(set->ln), "%s", values[LN].given ? values[LN].text : LLN0);
 	set->conf_rev = (uint32_t)values[CONF_REV].integer;
 	set->first_member = chosen->members.count;
 	for (size_t i = 0; i < json_array_size(values[POINTS].json); i++) {
@@ -264,6 +294,9 @@ static void read_set(struct config_loader *loader, const struct config_place *pl
 	set->member_count = chosen->members.count - set->first_member;
 	if (json_array_size(values[POINTS].json) == 0)
 		config_error(&loader->report, &points, "has no point, expected one at least");
+	if (loader->report.errors == errors)
+		check_ln(loader, place, set,
+			 ((struct iec61850_chosen *)chosen->members.records)[set->first_member].point);
 	for (size_t i = 0; values[REPORTS].given && i < json_array_size(values[REPORTS].json); i++) {
 		const struct config_place here = config_element_of(&reports, i);
 
@@ -290,7 +323,7 @@ static void check_twice(struct config_loader *loader, const struct config_place 
 
 	for (uint32_t i = 0; i < chosen->sets.count; i++)
 		for (uint32_t j = 0; j < i; j++)
-			if (strcmp(sets[i].name, sets[j].name) == 0 &&
+			if (strcmp(sets[i].name, sets[j].name) == 0 && strcmp(sets[i].ln, sets[j].ln) == 0 &&
 			    ca_of(loader->config, chosen, &sets[i]) ==
 				ca_of(loader->config, chosen, &sets[j]))
 				config_error(
@@ -301,10 +334,11 @@ static void check_twice(struct config_loader *loader, const struct config_place 
 		kept += reports[i].buffered ? reports[i].instances : 0;
 		for (uint32_t j = 0; j < i; j++)
 			if (strcmp(reports[i].name, reports[j].name) == 0 &&
+			    strcmp(sets[reports[i].set].ln, sets[reports[j].set].ln) == 0 &&
 			    ca_of(loader->config, chosen, &sets[reports[i].set]) ==
 				ca_of(loader->config, chosen, &sets[reports[j].set]))
 				config_error(&loader->report, place,
-					     "has two control blocks \"%s\" of one logical device: expected "
+					     "has two control blocks \"%s\" of one logical node: expected "
 					     "another name for one",
 					     reports[i].name);
 	}
@@ -316,8 +350,11 @@ static void check_twice(struct config_loader *loader, const struct config_place 
 static int by_name(const void *a, const void *b, void *context)
 {
 	const struct iec61850_data_set *sets = context;
+	const struct iec61850_data_set *one = &sets[*(const uint16_t *)a],
+				       *other = &sets[*(const uint16_t *)b];
+	const int by_ln = strcmp(one->ln, other->ln);
 
-	return strcmp(sets[*(const uint16_t *)a].name, sets[*(const uint16_t *)b].name);
+	return by_ln != 0 ? by_ln : strcmp(one->name, other->name);
 }
 
 /* Clients see data sets in the order of their names. */

@@ -24,13 +24,17 @@ static struct iec61850_assignment fuzz_assignments[] = {{.point = MAP_TYPES + MA
 							{.point = MAP_TYPES + MAP_STEP, .ln = "YLTC1"},
 							{.point = MAP_TYPES + MAP_FLOAT, .ln = "MMXU1"}};
 /* The first device's data set and control blocks are chosen, the second's are as they are without. */
-static struct iec61850_data_set fuzz_data_sets[] = {{.name = "Bay", .member_count = 3}};
+static struct iec61850_data_set fuzz_data_sets[] = {
+    {.ln = "GGIO1", .name = "Some", .first_member = 3, .member_count = 1},
+    {.ln = "LLN0", .name = "Bay", .member_count = 3}};
 static struct iec61850_chosen fuzz_members[] = {{.point = MAP_FLOAT},
 						{.point = MAP_SINGLE, .attribute = "stVal"},
-						{.point = MAP_SINGLE, .attribute = "q"}};
+						{.point = MAP_SINGLE, .attribute = "q"},
+						{.point = MAP_DOUBLE}};
 static struct iec61850_report fuzz_reports[] = {
-    {.name = "brcbBay", .buffered = true, .instances = 2, .triggers = IEC61850_DATA_UPDATE},
-    {.name = "urcbBay", .instances = 1}};
+    {.name = "brcbBay", .set = 1, .buffered = true, .instances = 2, .triggers = IEC61850_DATA_UPDATE},
+    {.name = "urcbBay", .set = 1, .instances = 1},
+    {.name = "urcbSome", .instances = 1}};
 static struct map_config fuzz_config = {.sets = fuzz_sets,
 					.points = fuzz_points,
 					.set_count = 2,
@@ -45,15 +49,15 @@ static struct map_config fuzz_config = {.sets = fuzz_sets,
 						      .records = fuzz_assignments},
 						     {.id = IEC61850_DATA_SETS,
 						      .record_size = sizeof(fuzz_data_sets[0]),
-						      .count = 1,
+						      .count = 2,
 						      .records = fuzz_data_sets},
 						     {.id = IEC61850_MEMBERS,
 						      .record_size = sizeof(fuzz_members[0]),
-						      .count = 3,
+						      .count = 4,
 						      .records = fuzz_members},
 						     {.id = IEC61850_REPORTS,
 						      .record_size = sizeof(fuzz_reports[0]),
-						      .count = 2,
+						      .count = 3,
 						      .records = fuzz_reports}},
 					.section_count = 5};
 

@@ -128,17 +128,17 @@ static struct what what_of(const struct iec61850_model *model, const struct iec6
 
 struct iec61850_block *iec61850_block_of(const struct iec61850_device *device, uint32_t ln, uint32_t number)
 {
-	const uint32_t fixed = device->lns[ln].fixed;
+	const struct iec61850_ln *of = &device->lns[ln];
+	const uint32_t before = of->fixed + of->count;
 
-	return ln == IEC61850_LLN0 && number >= fixed && number - fixed < device->block_count
-		   ? &device->blocks[number - fixed]
+	return number >= before && number - before < of->block_count
+		   ? &device->blocks[of->first_block + number - before]
 		   : NULL;
 }
 
 uint32_t iec61850_object_count(const struct iec61850_device *device, uint32_t ln)
 {
-	return device->lns[ln].fixed + device->lns[ln].count +
-	       (ln == IEC61850_LLN0 ? device->block_count : 0);
+	return device->lns[ln].fixed + device->lns[ln].count + device->lns[ln].block_count;
 }
 
 enum iec61850_ctl_kind iec61850_ctl_model(const struct iec61850_model *model, uint32_t point)
@@ -421,12 +421,12 @@ static bool find_object(const struct iec61850_model *model, const struct part *n
 	const struct iec61850_ln *ln = ln_of(out);
 	const uint32_t count = ln->fixed + ln->count;
 
-	for (uint32_t i = 0; out->ln == IEC61850_LLN0 && i < out->device->block_count; i++) {
+	for (uint32_t i = 0; i < ln->block_count; i++) {
 		char own[IEC61850_NAME_SIZE];
 
-		print_block(&out->device->blocks[i], own);
+		print_block(&out->device->blocks[ln->first_block + i], own);
 		if (is(name, own)) {
-			out->number = ln->fixed + i;
+			out->number = count + i;
 			return true;
 		}
 	}
@@ -494,10 +494,13 @@ bool iec61850_find(const struct iec61850_model *model, const struct iec61850_dev
 
 struct iec61850_object iec61850_block_object(const struct iec61850_device *device, uint32_t block)
 {
+	const uint32_t ln = device->blocks[block].ln;
+	const struct iec61850_ln *of = &device->lns[ln];
+
 	return (struct iec61850_object){.device = device,
-					.ln = IEC61850_LLN0,
+					.ln = ln,
 					.fc = device->blocks[block].buffered ? IEC61850_BR : IEC61850_RP,
-					.number = device->lns[IEC61850_LLN0].fixed + block};
+					.number = of->fixed + of->count + block - of->first_block};
 }
 
 /* ---- data sets --------------------------------------------------------------------------- */
@@ -725,10 +728,11 @@ static void add_member(struct iec61850_model *model, uint32_t set, uint32_t poin
 	iec61850_add_member(model, set, model->member_count++, point, node);
 }
 
-static uint32_t add_set(struct iec61850_model *model, struct iec61850_device *device, const char *name)
+static uint32_t add_set(struct iec61850_model *model, struct iec61850_device *device, const char *ln,
+			const char *name)
 {
 	model->sets[model->set_count] =
-	    (struct iec61850_set){.ln = "LLN0", .name = name, .first = model->member_count};
+	    (struct iec61850_set){.ln = ln, .name = name, .first = model->member_count};
 	if (device->set_count++ == 0)
 		device->first_set = model->set_count;
 	return model->set_count++;
@@ -743,13 +747,27 @@ static uint32_t room_for(const struct iec61850_model *model, const struct iec618
 	return report->buffered || count > IEC61850_LIST_MEMBERS ? count : IEC61850_LIST_MEMBERS;
 }
 
+static uint32_t ln_called(const struct iec61850_device *device, const char *name)
+{
+	uint32_t ln = 0;
+
+	while (strcmp(device->lns[ln].name, name) != 0)
+		ln++;
+	return ln;
+}
+
 static void add_blocks(struct iec61850_model *model, struct iec61850_device *device,
 		       const struct iec61850_report *report, uint32_t set, uint32_t *kept)
 {
+	const uint32_t ln = ln_called(device, model->sets[set].ln);
+
 	for (unsigned i = 0; i < report->instances; i++) {
 		struct iec61850_block *block = &model->blocks[model->block_count++];
 
-		*block = (struct iec61850_block){.name = report->name,
+		if (device->lns[ln].block_count++ == 0)
+			device->lns[ln].first_block = device->block_count;
+		*block = (struct iec61850_block){.ln = ln,
+						 .name = report->name,
 						 .index = (uint8_t)(i + 1),
 						 .buffered = report->buffered,
 						 .set = set,
@@ -807,7 +825,8 @@ static void make_default_sets(struct iec61850_model *model, struct iec61850_devi
 			if (model->places[point].fc != defaults[i].fc)
 				continue;
 			if (of[i] == IEC61850_NO_MEMBER)
-				of[i] = add_set(model, device, defaults[i].name);
+				of[i] =
+				    add_set(model, device, device->lns[IEC61850_LLN0].name, defaults[i].name);
 			add_member(model, of[i], point, NULL);
 		}
 	}
@@ -836,7 +855,7 @@ static void make_chosen_set(struct iec61850_model *model, struct iec61850_device
 			    uint32_t *kept)
 {
 	const struct iec61850_data_set *chosen = &iec61850_data_sets(model->config)[number];
-	const uint32_t set = add_set(model, device, chosen->name);
+	const uint32_t set = add_set(model, device, chosen->ln, chosen->name);
 
 	for (uint32_t i = 0; i < chosen->member_count; i++)
 		add_chosen(model, set, &iec61850_members(model->config)[chosen->first_member + i]);

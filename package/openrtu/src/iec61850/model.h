@@ -26,10 +26,11 @@ enum { IEC61850_LLN0, IEC61850_LPHD1, IEC61850_LNS_FIXED };
 struct iec61850_ln {
 	const struct iec61850_ln_class *class;
 	char name[IEC61850_LN_SIZE];
-	uint32_t without;      /* bit n: data n of the class is there without a point */
-	uint32_t fixed;        /* so many bits */
-	uint32_t first, count; /* of the model's points */
-	bool sorted;           /* in the order of their IOAs, by which they are named */
+	uint32_t without;                  /* bit n: data n of the class is there without a point */
+	uint32_t fixed;                    /* so many bits */
+	uint32_t first, count;             /* of the model's points */
+	uint32_t first_block, block_count; /* of the device's, behind the points */
+	bool sorted;                       /* in the order of their IOAs, by which they are named */
 };
 
 #define IEC61850_NO_MEMBER UINT32_MAX
@@ -90,6 +91,7 @@ struct iec61850_peer {
 
 /* A report control block. */
 struct iec61850_block {
+	uint32_t ln;      /* of the device's */
 	const char *name; /* before its index */
 	uint8_t index;    /* from 1 */
 	bool buffered;
@@ -115,8 +117,8 @@ struct iec61850_block {
 
 struct iec61850_device {
 	uint16_t ca;
-	uint32_t first, count;         /* of the model's points */
-	const struct iec61850_ln *lns; /* in the order in which clients see them */
+	uint32_t first, count;   /* of the model's points */
+	struct iec61850_ln *lns; /* in the order in which clients see them */
 	uint32_t ln_count;
 	uint32_t first_set, set_count; /* of the model's, in the order of their names */
 	struct iec61850_block *blocks;
@@ -227,7 +229,7 @@ struct iec61850_unit iec61850_unit_of(const struct iec61850_model *model, const 
 struct iec61850_object iec61850_object_of(const struct iec61850_model *model, uint32_t point);
 /* How a point is controlled: as the configuration has it, if anybody may. */
 enum iec61850_ctl_kind iec61850_ctl_model(const struct iec61850_model *model, uint32_t point);
-/* The report control block that a data object of LLN0 is; NULL: it is none. */
+/* The report control block that a data object is; NULL: it is none. */
 struct iec61850_block *iec61850_block_of(const struct iec61850_device *device, uint32_t ln, uint32_t number);
 /* The object of a logical device's control block. */
 struct iec61850_object iec61850_block_object(const struct iec61850_device *device, uint32_t block);

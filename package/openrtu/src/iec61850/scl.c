@@ -446,13 +446,14 @@ static void put_ln(const struct iec61850_scl *scl, const struct iec61850_device 
 	fprintf(scl->out, " lnClass=\"%s\" inst=\"%s\" lnType=\"", ln.class, ln.instance);
 	put_ln_type_name(scl, &object);
 	fputs("\">\n", scl->out);
-	for (uint32_t i = 0; number == IEC61850_LLN0 && i < device->set_count; i++)
-		put_set(scl, &scl->model->sets[device->first_set + i]);
+	for (uint32_t i = 0; i < device->set_count; i++)
+		if (strcmp(scl->model->sets[device->first_set + i].ln, device->lns[number].name) == 0)
+			put_set(scl, &scl->model->sets[device->first_set + i]);
 	for (uint32_t i = 0; number == IEC61850_LLN0 && i < scl->goose_count; i++)
 		if (scl->goose[i].device == device)
 			put_goose_set(scl, &scl->goose[i]);
-	for (uint32_t i = 0; number == IEC61850_LLN0 && i < device->block_count; i++)
-		if (device->blocks[i].index == 1)
+	for (uint32_t i = 0; i < device->block_count; i++)
+		if (device->blocks[i].ln == number && device->blocks[i].index == 1)
 			put_report(scl, device, i);
 	for (; is_object(&object); object.number++)
 		put_instance(scl, &object);
