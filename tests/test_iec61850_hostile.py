@@ -55,6 +55,7 @@ CONNECTIONS = {
 def test_no_connection_of_a_strange_transport(port: int, octets: bytes) -> None:
     client = Client(port)
     client.send(octets)
+    client.socket.shutdown(1)
     assert client.is_closed()
     assert is_served(port)
 

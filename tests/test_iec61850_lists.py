@@ -271,8 +271,8 @@ def test_what_was_an_associations_own_is_nobody_elses(plant: Plant, given_back: 
                 assert put(other, block, DatSet=text("@Own")) == [WRONG]
                 assert other.values((DOMAIN, f"LLN0${block}$DatSet")) == [(own[0], own[2:])]
                 assert put(other, block, Resv=NO) == [DONE]
-        plant.gateway.wait_for(lambda: put(other, block, Resv=YES) == [DONE], 20, "its client is gone")
-        assert other.values((DOMAIN, f"LLN0${block}$DatSet")) == [(own[0], own[2:])]
+        shown = (DOMAIN, f"LLN0${block}$DatSet")
+        plant.gateway.wait_for(lambda: other.values(shown) == [(own[0], own[2:])], 20, "its client is gone")
         assert put(other, block, RptEna=YES, GI=YES) == [DONE] * 2
         assert told(other)[0] == [0, 1, 2, 3]
         assert put(other, block, RptEna=NO, Resv=NO) == [DONE] * 2
