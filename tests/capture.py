@@ -243,7 +243,7 @@ def _joined(pieces: list[tuple[bool, bytes]]) -> Iterator[tuple[bool, bytes]]:
 
 
 def dissect_mms(connections: list[Connection], pcap: Path) -> tuple[list[str], list[str]]:
-    """The services that MMS servers have answered, "" for a report, and what tshark finds wrong in what they have sent."""
+    """What MMS servers have answered, "" for a report, and what tshark finds wrong in what they have sent."""
     count = 0
     with pcap.open("wb") as file:
         file.write(PCAP_HEAD)

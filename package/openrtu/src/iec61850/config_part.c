@@ -93,7 +93,7 @@ static uint32_t power_above(uint32_t number)
 {
 	uint32_t power = IEC61850_BUFFER_MIN;
 
-	while (power < number)
+	while (power < number && power < IEC61850_BUFFER_MAX)
 		power *= 2;
 	return power;
 }
