@@ -4,25 +4,16 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "map/hash.h"
+
 #define LEAST 1024u
 #define NONE  UINT32_MAX
-
-/* FNV-1a */
-static uint32_t hash_of(const void *octets, size_t size)
-{
-	const uint8_t *octet = octets;
-	uint32_t hash = 2166136261u;
-
-	for (size_t i = 0; i < size; i++)
-		hash = (hash ^ octet[i]) * 16777619u;
-	return hash;
-}
 
 static uint32_t hash_of_address(uint32_t set, uint32_t ioa)
 {
 	const uint32_t address[] = {set, ioa};
 
-	return hash_of(address, sizeof(address));
+	return map_hash_octets(MAP_HASH_BASIS, address, sizeof(address));
 }
 
 static void put(uint32_t *table, uint32_t size, uint32_t hash, uint32_t point)
@@ -40,7 +31,7 @@ static void add(struct config_index *index, const struct map_config *config, uin
 	char name[MAP_NAME_SIZE];
 
 	map_point_name(config, object, name);
-	put(index->by_name, index->size, hash_of(name, strlen(name)), point);
+	put(index->by_name, index->size, map_hash_octets(MAP_HASH_BASIS, name, strlen(name)), point);
 	put(index->by_ioa, index->size, hash_of_address(object->set, object->ioa), point);
 }
 
@@ -76,7 +67,7 @@ uint32_t config_index_name(const struct config_index *index, const struct map_co
 {
 	char other[MAP_NAME_SIZE];
 
-	for (uint32_t place = hash_of(name, strlen(name));; place++) {
+	for (uint32_t place = map_hash_octets(MAP_HASH_BASIS, name, strlen(name));; place++) {
 		const uint32_t point = index->size == 0 ? 0 : index->by_name[place & (index->size - 1)];
 
 		if (point == 0)

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "map/hash.h"
 #include "map/type.h"
 
 #define COUNT(array) ((unsigned)(sizeof(array) / sizeof((array)[0])))
@@ -664,15 +665,6 @@ static void make_devices(struct iec61850_model *model)
 	}
 }
 
-/* FNV-1a */
-#define HASH_BASIS 2166136261u
-static uint32_t hash_of(uint32_t hash, const void *octets, size_t size)
-{
-	for (size_t i = 0; i < size; i++)
-		hash = (hash ^ ((const uint8_t *)octets)[i]) * 16777619u;
-	return hash;
-}
-
 /* A member is what its name is, and what stands under it. */
 static uint32_t hash_member(const struct iec61850_model *model, const struct iec61850_object *object,
 			    uint32_t hash)
@@ -681,7 +673,7 @@ static uint32_t hash_member(const struct iec61850_model *model, const struct iec
 	char name[IEC61850_NAME_SIZE];
 
 	iec61850_variable_name(model, object, name);
-	return hash_of(hash_of(hash, name, strlen(name)), class, strlen(class));
+	return map_hash_octets(map_hash_octets(hash, name, strlen(name)), class, strlen(class));
 }
 
 /* Where each point is. */
@@ -714,7 +706,7 @@ void iec61850_add_member(struct iec61850_model *model, uint32_t set, uint32_t me
 
 	object.node = node;
 	if (model->sets[set].count++ == 0)
-		model->sets[set].revision = HASH_BASIS;
+		model->sets[set].revision = MAP_HASH_BASIS;
 	model->members[member] =
 	    (struct iec61850_member){.point = point, .set = set, .next = place->member, .node = node};
 	place->member = member;
@@ -929,14 +921,15 @@ static uint32_t hash_assignment(uint32_t hash, const struct iec61850_assignment 
 {
 	const uint32_t words[] = {assigned->class, assigned->data, assigned->number};
 
-	return hash_of(hash_of(hash, assigned->ln, strlen(assigned->ln)), words, sizeof(words));
+	return map_hash_octets(map_hash_octets(hash, assigned->ln, strlen(assigned->ln)), words,
+			       sizeof(words));
 }
 
 static uint32_t hash_section(const struct map_config *config, uint32_t id, size_t size, uint32_t hash)
 {
 	const uint32_t count = map_record_count(config, id);
 
-	return count == 0 ? hash : hash_of(hash, map_records(config, id, size), count * size);
+	return count == 0 ? hash : map_hash_octets(hash, map_records(config, id, size), count * size);
 }
 
 static uint32_t hash_chosen(const struct map_config *config, uint32_t hash)
@@ -949,7 +942,7 @@ static uint32_t hash_chosen(const struct map_config *config, uint32_t hash)
 /* What the model is made of. */
 static uint32_t number_of_configuration(const struct iec61850_model *model)
 {
-	uint32_t hash = HASH_BASIS;
+	uint32_t hash = MAP_HASH_BASIS;
 
 	for (uint32_t i = 0; i < model->config->point_count; i++) {
 		const struct map_point *point = &model->config->points[model->points[i]];
@@ -957,9 +950,9 @@ static uint32_t number_of_configuration(const struct iec61850_model *model)
 					  point->flags};
 		const struct iec61850_unit unit = iec61850_unit_of(model, point);
 
-		hash = hash_of(hash, words, sizeof(words));
+		hash = map_hash_octets(hash, words, sizeof(words));
 		if (unit.si != 0)
-			hash = hash_of(hash, &unit, sizeof(unit));
+			hash = map_hash_octets(hash, &unit, sizeof(unit));
 		if (model->assigned[model->points[i]] != NULL)
 			hash = hash_assignment(hash, model->assigned[model->points[i]]);
 	}

@@ -7,6 +7,7 @@
 #include "iec61850/list.h"
 #include "iec61850/tags.h"
 #include "iec61850/value.h"
+#include "map/hash.h"
 
 /* ---- pending ----------------------------------------------------------------------------- */
 
@@ -139,7 +140,7 @@ static uint32_t numbering(const struct iec61850_model *model)
 	uint32_t hash = model->revision;
 
 	for (uint32_t i = 0; i < model->config->point_count; i++)
-		hash = (hash ^ model->points[i]) * 16777619u;
+		hash = map_hash_word(hash, model->points[i]);
 	return hash;
 }
 

@@ -3,6 +3,8 @@
 
 #include <string.h>
 
+#include "map/hash.h"
+
 #define SECTION_ALIGNMENT 32 /* a cache line of the ARM926 */
 
 static size_t section(struct layout *layout, size_t bytes)
@@ -103,9 +105,9 @@ uint32_t layout_fingerprint(void)
 	    sizeof(struct total_cell),     sizeof(struct parameter_cell), sizeof(struct counter_entry),
 	    sizeof(struct config_header),  sizeof(struct cover),
 	};
-	uint32_t hash = 2166136261u; /* FNV-1a */
+	uint32_t hash = MAP_HASH_BASIS;
 
 	for (size_t i = 0; i < sizeof(sizes) / sizeof(sizes[0]); i++)
-		hash = (hash ^ sizes[i]) * 16777619u;
+		hash = map_hash_word(hash, sizes[i]);
 	return hash;
 }

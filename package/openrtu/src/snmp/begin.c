@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "map/hash.h"
+
 /* ---- the tree ---------------------------------------------------------------------------- */
 
 static const struct snmp_table *const system_tables[] = {&snmp_system_scalars[0], &snmp_system_scalars[1],
@@ -147,18 +149,10 @@ static bool make_images(const struct snmp_agent *agent, enum snmp_list list, str
 	return true;
 }
 
-/* FNV-1a. */
-static uint32_t add(uint32_t hash, const void *octets, size_t size)
-{
-	for (size_t i = 0; i < size; i++)
-		hash = (hash ^ ((const uint8_t *)octets)[i]) * 16777619u;
-	return hash;
-}
-
 /* Over what a manager keeps of the points. */
 static uint32_t number_of_configuration(const struct snmp_agent *agent)
 {
-	uint32_t hash = 2166136261u;
+	uint32_t hash = MAP_HASH_BASIS;
 
 	for (uint32_t i = 0; i < agent->config->point_count; i++) {
 		const struct map_point *point = &agent->config->points[i];
@@ -168,11 +162,11 @@ static uint32_t number_of_configuration(const struct snmp_agent *agent)
 		const float limits[] = {point->min, point->max};
 
 		map_point_name(agent->config, point, name);
-		hash = add(hash, words, sizeof(words));
-		hash = add(hash, limits, sizeof(limits));
-		hash = add(hash, name, strlen(name));
-		hash =
-		    add(hash, map_unit_of(agent->config, point), strlen(map_unit_of(agent->config, point)));
+		hash = map_hash_octets(hash, words, sizeof(words));
+		hash = map_hash_octets(hash, limits, sizeof(limits));
+		hash = map_hash_octets(hash, name, strlen(name));
+		hash = map_hash_octets(hash, map_unit_of(agent->config, point),
+				       strlen(map_unit_of(agent->config, point)));
 	}
 	return hash;
 }

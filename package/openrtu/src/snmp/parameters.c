@@ -9,6 +9,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "map/hash.h"
+
 #define COMPARE_NS   NS_PER_S
 #define TENTHS_PER_S 10
 
@@ -42,7 +44,7 @@ static uint32_t number_of(const struct snmp_agent *agent, uint32_t row)
 	map_parameters_read(agent->map, point_of(agent, row), &now);
 	hash = now.loaded;
 	for (unsigned i = 0; i < sizeof(now.values) / sizeof(now.values[0]); i++)
-		hash = (hash ^ now.values[i].u) * 16777619u;
+		hash = map_hash_word(hash, now.values[i].u);
 	return hash;
 }
 

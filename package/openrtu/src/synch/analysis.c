@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "map/hash.h"
 #include "synch/cover.h"
 #include "synch/model.h"
 
@@ -42,13 +43,12 @@ static size_t row_size(const struct search *search)
 
 /* ---- the set of markings ----------------------------------------------------------------- */
 
-/* FNV-1a, 32 bits */
 static uint32_t hash(const uint16_t *tokens, uint32_t count)
 {
-	uint32_t sum = 2166136261u;
+	uint32_t sum = MAP_HASH_BASIS;
 
 	for (uint32_t i = 0; i < count; i++)
-		sum = (sum ^ tokens[i]) * 16777619u;
+		sum = map_hash_word(sum, tokens[i]);
 	return sum;
 }
 
