@@ -139,7 +139,8 @@ static enum iec61850_error list_attributes(const struct iec61850_server *server,
 		ber_close(writer, BER_SEQUENCE, member);
 	}
 	ber_close(writer, 0xa1, end);
-	ber_put(writer, 0x80, (const uint8_t[]){set - server->model.sets >= server->model.set_count}, 1);
+	ber_put(writer, 0x80,
+		(const uint8_t[]){(uint32_t)(set - server->model.sets) >= server->model.set_count}, 1);
 	ber_close(writer, LIST_ATTRIBUTES, end);
 	return IEC61850_NO_ERROR;
 }
