@@ -334,13 +334,16 @@ def test_variables_are_those_of_one_moment(desk: Desk) -> None:
     encode(program)
     desk.set_and_scan(DEVICE, "discrete_inputs", SPIN, [1])
     wait_value(desk, "out", None, "invalid")
-    seen = set()
-    for _ in range(30):
+    seen: list[str] = []
+
+    def look() -> bool:
         (row,) = desk.gateway.query("logic", "endless")
         n, m = (row["cells"][program.debug.variables[name].number].split(":")[0] for name in "NM")
         assert n == m
-        seen.add(n)
-    assert len(seen) > 1
+        seen.append(n)
+        return len(seen) >= 30 and len(set(seen)) > 1
+
+    desk.gateway.wait_for(look, WAIT_S, "a look at another scan")
     desk.set_and_scan(DEVICE, "discrete_inputs", SPIN, [0])
     wait_value(desk, "out", 7)
 
