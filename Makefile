@@ -473,7 +473,7 @@ WORKERS := 3
 PYTEST = OPENRTU_TIMES=build/times/$@.json $(PYTHON) tests/alone.py -n $(WORKERS) --dist loadfile --no-loadscope-reorder \
   --max-worker-restart 0
 
-test-quick: $(VENV) ## Test: lint, C unit tests, the quick half of pytest, in some minutes
+test-quick: $(VENV) ## Test: lint, C unit tests, the quick half of pytest, in three minutes
 	$(MAKE) --jobs 3 --output-sync=line lint unit .quick
 
 # Nothing on the emulated board is quick, and nobody begins with the bench: each worker would read these files.
