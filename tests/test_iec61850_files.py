@@ -48,15 +48,6 @@ def port_of(gateway: Gateway) -> int:
     return port
 
 
-def refusal(answer: tuple[int, list[tuple[int, bytes]]]) -> tuple[int, bytes]:
-    """Class and code of a ServiceError."""
-    tag, ((_, error),) = answer
-    assert tag == mms.ERROR
-    ((_, content),) = mms.elements(error)
-    ((kind, code),) = mms.elements(content)
-    return kind, code
-
-
 def opened(client: Client, position: int = 0) -> tuple[bytes, int]:
     """The number of the reading, and the file's size."""
     tag, ((_, content),) = client.ask(mms.file_open(NAME, position))
@@ -118,8 +109,8 @@ def test_it_is_the_only_one(gateway: Gateway, file: bytes) -> None:
             assert listed(client, *directory) == only
         assert listed(client, element(0xA1, element(0x19, NAME.encode()))) == []
         for name in ("/etc/passwd", "..", "../" + NAME, NAME + "x", NAME[:-1], "\0"):
-            assert refusal(client.ask(mms.file_open(name))) == NO_FILE
-            assert refusal(client.ask(element(mms.FILE_DIRECTORY, mms.file_name(name)))) == NO_FILE
+            assert mms.refusal(client.ask(mms.file_open(name))) == NO_FILE
+            assert mms.refusal(client.ask(element(mms.FILE_DIRECTORY, mms.file_name(name)))) == NO_FILE
         assert client.ask(mms.file_open("/" + NAME))[0] == mms.RESPONSE
 
 
@@ -127,18 +118,18 @@ def test_what_is_no_reading_is_refused(gateway: Gateway, file: bytes) -> None:
     """A client has one reading at a time, which nobody else has."""
     with Client(port_of(gateway)) as client, Client(port_of(gateway)) as other:
         for position in (len(file) + 1, 0xFFFFFFFF):
-            assert refusal(client.ask(mms.file_open(NAME, position))) == NO_POSITION
+            assert mms.refusal(client.ask(mms.file_open(NAME, position))) == NO_POSITION
         first, _ = opened(client)
         number, _ = opened(client)
         wrong = (first, bytes(1), b"\x7f", b"\xff\xff\xff\xff")
         for service in (mms.FILE_READ, mms.FILE_CLOSE):
             for each in wrong:
-                assert refusal(client.ask(element(service, each))) == NO_NUMBER
-            assert refusal(other.ask(element(service, number))) == NO_NUMBER
+                assert mms.refusal(client.ask(element(service, each))) == NO_NUMBER
+            assert mms.refusal(other.ask(element(service, number))) == NO_NUMBER
         assert rest(client, number) == file
         assert client.ask(element(mms.FILE_CLOSE, number))[0] == mms.RESPONSE
         for service in (mms.FILE_READ, mms.FILE_CLOSE):
-            assert refusal(client.ask(element(service, number))) == NO_NUMBER
+            assert mms.refusal(client.ask(element(service, number))) == NO_NUMBER
             assert client.ask(element(service))[0] == mms.ERROR  # without a number
         assert client.ask(element(mms.FILE_OPEN))[0] == mms.REJECT
         assert client.ask(element(mms.FILE_OPEN, mms.file_name(NAME, NAME)))[0] == mms.REJECT

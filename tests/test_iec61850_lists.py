@@ -93,14 +93,6 @@ def deleted(client: Client, *names: str) -> tuple[int, ...]:
     return tuple(int.from_bytes(number, "big") for _, number in mms.elements(content))
 
 
-def refusal(answer: tuple[int, list[tuple[int, bytes]]]) -> tuple[int, bytes]:
-    tag, ((_, error),) = answer
-    assert tag == mms.ERROR
-    ((_, content),) = mms.elements(error)
-    ((kind, code),) = mms.elements(content)
-    return kind, code
-
-
 def members(client: Client, name: str) -> tuple[bool, list[str]]:
     """Whether a client may delete the data set, and what is in it."""
     tag, ((_, content),) = client.ask(element(mms.LIST_ATTRIBUTES, named(name)))
@@ -151,11 +143,11 @@ def test_a_client_makes_one_for_all(plant: Plant) -> None:
             assert members(each, "LLN0$Mine") == (True, wanted)
             assert values(each, "LLN0$Mine") == each.values(*[(DOMAIN, name) for name in wanted])
         assert members(client, OWN)[0] is False
-        assert refusal(client.ask(definition("LLN0$Mine", *wanted))) == EXISTS
-        assert refusal(client.ask(definition(OWN, *wanted))) == EXISTS
+        assert mms.refusal(client.ask(definition("LLN0$Mine", *wanted))) == EXISTS
+        assert mms.refusal(client.ask(definition(OWN, *wanted))) == EXISTS
         assert deleted(other, "LLN0$Mine", "LLN0$Lost", OWN) == (2, 1)
         assert client.names(2, DOMAIN) == [OWN]
-        assert refusal(client.ask(element(mms.LIST_ATTRIBUTES, named("LLN0$Mine")))) == NOT_THERE
+        assert mms.refusal(client.ask(element(mms.LIST_ATTRIBUTES, named("LLN0$Mine")))) == NOT_THERE
         define(client, "GGIO1$Mine", *wanted)
     with plant.client() as later:  # it outlives its client
         assert deleted(later, "GGIO1$Mine") == (1, 1)
@@ -168,7 +160,7 @@ def test_a_client_makes_one_for_itself(plant: Plant) -> None:
                 define(client, "@Own", "GGIO1$ST$Ind10001")
                 assert own_names(client) == ["Own"] and own_names(other) == []
                 assert members(client, "@Own") == (True, ["GGIO1$ST$Ind10001"])
-                assert refusal(other.ask(element(mms.LIST_ATTRIBUTES, named("@Own")))) == NOT_THERE
+                assert mms.refusal(other.ask(element(mms.LIST_ATTRIBUTES, named("@Own")))) == NOT_THERE
                 assert deleted(other, "@Own") == (0, 0)
                 assert client.names(2, DOMAIN) == [OWN]
 
@@ -177,11 +169,11 @@ def test_there_is_room_for_some(plant: Plant) -> None:
     names = [f"LLN0$Set{i}" for i in range(LISTS)]
     many = [f"GGIO1$ST$Ind{10001 + i}" for i in range(MEMBERS + 1)]
     with plant.client() as client:
-        assert refusal(client.ask(definition(names[0], *many))) == NO_ROOM
+        assert mms.refusal(client.ask(definition(names[0], *many))) == NO_ROOM
         for name in names:
             define(client, name, *many[:MEMBERS])
-        assert refusal(client.ask(definition("LLN0$More", *many[:1]))) == NO_ROOM
-        assert refusal(client.ask(definition("@More", *many[:1]))) == NO_ROOM
+        assert mms.refusal(client.ask(definition("LLN0$More", *many[:1]))) == NO_ROOM
+        assert mms.refusal(client.ask(definition("@More", *many[:1]))) == NO_ROOM
         assert client.names(2, DOMAIN) == [OWN, *names]
         assert deleted(client, *names) == (LISTS, LISTS)
 
@@ -206,8 +198,8 @@ def test_what_cannot_be_in_one_is_refused(plant: Plant) -> None:
             ("@" + 33 * "X", (good,), INCONSISTENT),
             ("@1X", (good,), INCONSISTENT),
         ):
-            assert refusal(client.ask(definition(name, *listed))) == why, (name, listed)
-        assert refusal(client.ask(definition("LLN0$X", good, domain=OTHER))) == INCONSISTENT
+            assert mms.refusal(client.ask(definition(name, *listed))) == why, (name, listed)
+        assert mms.refusal(client.ask(definition("LLN0$X", good, domain=OTHER))) == INCONSISTENT
         part = element(mms.SEQUENCE, element(0xA0, mms.name(DOMAIN, good)), element(0xA5))
         for listed, tag in ((part, mms.ERROR), (element(0x31), mms.REJECT), (b"\x30\x7f", mms.REJECT)):
             asked = element(mms.LIST_DEFINE, named("LLN0$X"), element(0xA0, listed))
@@ -216,7 +208,7 @@ def test_what_cannot_be_in_one_is_refused(plant: Plant) -> None:
             assert client.ask(element(mms.LIST_DEFINE, broken))[0] in (mms.ERROR, mms.REJECT)
         for broken in (b"", element(0x80, b"\0"), element(0xA1, b"\xa1\x7f")):
             assert client.ask(element(mms.LIST_DELETE, broken))[0] == mms.REJECT
-        assert refusal(client.ask(element(mms.LIST_DELETE, element(0x80, b"\2")))) == NO_ACCESS
+        assert mms.refusal(client.ask(element(mms.LIST_DELETE, element(0x80, b"\2")))) == NO_ACCESS
         assert client.names(2, DOMAIN) == [OWN] and own_names(client) == []
 
 

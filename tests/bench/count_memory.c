@@ -6,19 +6,13 @@
  * The cache is an ARM926EJ-S' as the NUC980 has it: 16 KiB, 4 ways, lines of 32 octets, written back, filled by loads alone. A
  * process that has slept finds it empty: this core flushes it whenever another address space comes.
  */
-#include <fcntl.h>
 #include <inttypes.h>
 #include <stdbool.h>
-#include <stddef.h>
-#include <string.h>
-#include <sys/mman.h>
-#include <unistd.h>
 
 #include <qemu-plugin.h>
 
 #include "counts.h"
-
-#define KEY "count="
+#include "plugin_file.h"
 
 enum { LINE = 32, WAYS = 4, SETS = 16384 / WAYS / LINE };
 /* Of the calls of ARM EABI. */
@@ -100,17 +94,9 @@ static void translate(qemu_plugin_id_t id, struct qemu_plugin_tb *block)
 QEMU_PLUGIN_EXPORT int qemu_plugin_install(qemu_plugin_id_t id, const qemu_info_t *info, int argc,
 					   char **argv)
 {
-	int fd;
-
 	(void)info;
-	if (argc != 1 || strncmp(argv[0], KEY, strlen(KEY)) != 0)
-		return 1;
-	fd = open(argv[0] + strlen(KEY), O_RDWR);
-	if (fd < 0 || ftruncate(fd, sizeof(*counts)) < 0)
-		return 1;
-	counts = mmap(NULL, sizeof(*counts), PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
-	close(fd);
-	if (counts == MAP_FAILED)
+	counts = plugin_file(argc, argv, sizeof(*counts));
+	if (counts == NULL)
 		return 1;
 	qemu_plugin_register_vcpu_tb_trans_cb(id, translate);
 	qemu_plugin_register_vcpu_syscall_cb(id, call);

@@ -31,6 +31,11 @@ def built(program: Path, source: str, *more: str | Path) -> Path:
     return program
 
 
+def build_plugin(plugin: Path, source: str) -> None:
+    command = ["cc", "-O2", "-shared", "-fPIC", f"-I{PLUGIN_API}", "-o", plugin, HERE / source]
+    subprocess.run(command, check=True)
+
+
 class Emulated:
     """A folder with programs that run under QEMU, and what each has had carried out."""
 
@@ -38,8 +43,7 @@ class Emulated:
         self.folder = folder
         self.plugin = folder / "count.so"
         folder.mkdir()
-        plugin = ["cc", "-O2", "-shared", "-fPIC", f"-I{PLUGIN_API}", "-o", self.plugin]
-        subprocess.run([*plugin, HERE / "count_instructions.c"], check=True)
+        build_plugin(self.plugin, "count_instructions.c")
 
     def add(self, name: str, program: Path) -> Path:
         place = self.folder / name

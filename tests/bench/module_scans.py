@@ -18,7 +18,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from emulated import PLUGIN_API
+from emulated import PLUGIN_API, build_plugin
 from logic_scans import ARM
 from stopwatch import Spread
 
@@ -162,8 +162,7 @@ class Core:
         self.plugin = directory / "count.so"
         self.file = directory / "counts"
         self.file.touch()
-        plugin = ["cc", "-O2", "-shared", "-fPIC", f"-I{PLUGIN_API}", "-o", self.plugin]
-        subprocess.run([*plugin, HERE / "count_memory.c"], check=True)
+        build_plugin(self.plugin, "count_memory.c")
 
     def built(self, name: str, *sources: Path) -> list[str]:
         path = self.directory / f"{name}-arm"

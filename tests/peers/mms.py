@@ -46,6 +46,15 @@ def elements(octets: bytes) -> list[tuple[int, bytes]]:
     return found
 
 
+def refusal(answer: tuple[int, list[tuple[int, bytes]]]) -> tuple[int, bytes]:
+    """Class and code of a ServiceError."""
+    tag, ((_, error),) = answer
+    assert tag == ERROR
+    ((_, content),) = elements(error)
+    ((kind, code),) = elements(content)
+    return kind, code
+
+
 def tpkt(payload: bytes, end: bool = True) -> bytes:
     return (
         (7 + len(payload)).to_bytes(4, "big").replace(b"\0", b"\3", 1)

@@ -10,13 +10,12 @@
 
 /* Level 2 of OpenSSL: RSA and DH of 2048 bits, elliptic curves of 224, no SHA-1. */
 #define SECURITY_LEVEL 2
+#define SESSIONS       16 /* that may be resumed: as many as a module of ours has connections at most */
 
 /* TLS 1.2 of IEC 62351-3:2014 with AMD1 and AMD2: AEAD and forward secrecy; what costs the station least comes first. */
 static const char ciphers_1_2[] = "ECDHE-ECDSA-AES128-GCM-SHA256:ECDHE-RSA-AES128-GCM-SHA256:"
 				  "ECDHE-ECDSA-AES256-GCM-SHA384:ECDHE-RSA-AES256-GCM-SHA384:"
 				  "DHE-RSA-AES128-GCM-SHA256:DHE-RSA-AES256-GCM-SHA384";
-
-#define SESSIONS 16 /* as many as a module of ours has connections at most */
 
 static const unsigned char session_context[] = "openrtu";
 
@@ -134,8 +133,8 @@ static bool use_versions(SSL_CTX *context, uint8_t versions)
 }
 
 /*
- * Sessions lie in this process, and not in tickets: a key of tickets would have
- * to be changed in time, and with the process goes all that could be resumed.
+ * Sessions lie in this process, and not in tickets: a key of tickets would have to be changed in time, and with the
+ * process goes all that could be resumed.
  */
 static void use_sessions(SSL_CTX *context, uint32_t resumption_s)
 {
