@@ -10,6 +10,7 @@ struct goose_published {
 	_Atomic uint32_t states; /* stNum that was sent last */
 	_Atomic uint32_t messages;
 	_Atomic uint32_t failures; /* messages that could not be sent */
+	_Atomic uint32_t merged;   /* changes that another one hid: more than messages may be sent */
 };
 
 struct goose_subscribed {
