@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "goose/pace.h"
+#include "modules/goose/flood.h"
 #include "modules/goose/publish.h"
 #include "modules/goose/subscribe.h"
 #include "modules/goose/wire.h"
@@ -29,8 +30,11 @@ static void receive(int64_t now_ns)
 	uint8_t frame[GOOSE_FRAME_MAX];
 	size_t size;
 
-	for (unsigned i = 0; i < FRAMES_A_TURN && (size = wire_receive(&wire, frame)) != 0; i++)
-		subscribe_take(frame, size, now_ns);
+	for (unsigned i = 0; i < FRAMES_A_TURN && (size = wire_receive(&wire, frame)) != 0; i++) {
+		map_count(&stats->frames, 1);
+		if (flood_admits(frame, size, now_ns))
+			subscribe_take(frame, size, now_ns);
+	}
 }
 
 /* Returns when there is more to do. */
@@ -42,13 +46,16 @@ static int64_t serve(void)
 	if (now_ns >= heartbeat_ns) {
 		heartbeat_ns = now_ns + HEARTBEAT_NS;
 		map_heartbeat(map);
+		wire_count_overrun(&wire);
 	}
 	if (map_bell_clear(map))
 		goose_pace_take(&rings, now_ns);
+	flood_run(now_ns);
 	receive(now_ns);
 	subscribe_run(now_ns);
 	publish_run(&wire, now_ns);
-	return earlier(heartbeat_ns, earlier(publish_deadline(), subscribe_deadline()));
+	return earlier(earlier(heartbeat_ns, flood_deadline()),
+		       earlier(publish_deadline(), subscribe_deadline()));
 }
 
 static struct timespec pause_until(int64_t deadline_ns, int64_t now_ns)
@@ -88,6 +95,7 @@ static void name_own_counters(void)
 	map_name_counter(map, &stats->damaged, "damaged");
 	map_name_counter(map, &stats->unknown, "unknown");
 	map_name_counter(map, &stats->failures, "failures");
+	map_name_counter(map, &stats->overrun, "overrun");
 }
 
 int main(int argc, char **argv)
@@ -106,6 +114,7 @@ int main(int argc, char **argv)
 		map_log(map, MAP_LOG_ERROR, "cannot start: %s", strerror(errno));
 		return MODULE_FAILED;
 	}
+	flood_begin(&wire);
 	if (!module_confine(map, &options, 0))
 		return MODULE_FAILED;
 	run(stop);
