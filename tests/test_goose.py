@@ -7,6 +7,7 @@ import random
 import re
 import socket
 import subprocess
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,7 @@ from typing import Any
 import pytest
 
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
-from lab.modules import place, program
+from lab.modules import compiled, place, program
 from peers.goose_peer import Peer, peer
 
 pytestmark = pytest.mark.slow
@@ -226,6 +227,38 @@ def test_what_tshark_reads(bay: Bay, tmp_path: Path) -> None:
         (OWN, "0x1001"),
         (OWN + "2", "0x1003"),
     }
+
+
+def test_a_rush_of_changes_is_a_bounded_number_of_messages(programs: Path) -> None:
+    """Some of 900 changes in a row are merged into the next; the last one is told."""
+    if os.geteuid() != 0:
+        pytest.skip("a socket on an interface's frames is root's")
+    directory = run_directory()
+    rush = {"control_block": "RUSHLD0/LLN0$GO$rush", "data_set": "RUSHLD0/LLN0$rush", "app_id": 0x1004}
+    hearer = peer("hear", INTERFACE, rush["control_block"], str(rush["app_id"]))
+    try:
+        place(directory, programs)
+        module = {
+            "name": "rush",
+            "program": compiled(directory, "rush", FIXTURES / "rush.c"),
+            "period_ms": 100,
+            "heartbeat_limit_ms": 5000,
+            "ca": 100,
+            "points": [{"name": "rush.count", "type": "integer", "ioa": 1, "command": True}],
+        }
+        told = rush | {"name": "rush", "max_ms": 200, "points": ["rush.count"]}
+        site = {"port": [], "modules": [module], "goose": {"interface": INTERFACE, "publish": [told]}}
+        began = time.monotonic()
+        with Gateway(listening_on(site, free_port()), directory, programs) as gateway:
+            hearer.wait(lambda m: True, "rtu-goose runs")
+            gateway.ctl("set", "rush.count", "900")
+            hearer.wait(lambda m: m["values"].startswith("{900,"), "the last change")
+            counters = {row["counter"]: row["value"] for row in gateway.query("counters", "rtu-goose")}
+            assert counters["rush.merged"] > 0
+            assert counters["rush.messages"] <= 32 + (time.monotonic() - began) * 1000
+    finally:
+        hearer.process.kill()
+        remove(directory)
 
 
 # ---- what is subscribed to -------------------------------------------------------------------------

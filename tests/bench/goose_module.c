@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * A module that changes "changed" each scan, and says when: "BENCH change 17 123456", the value and the monotonic time in nanoseconds right
+ * A module that changes "changed" each scan, and says when: "BENCH change 17 123456", the value and the time of day in nanoseconds right
  * before it is published.
  */
 #include <openrtu.h>
@@ -12,7 +12,7 @@ static int64_t now_ns(void)
 {
 	struct timespec now;
 
-	clock_gettime(CLOCK_MONOTONIC, &now);
+	clock_gettime(CLOCK_REALTIME, &now);
 	return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
 }
 

@@ -13,6 +13,7 @@
 #include "map/map.h"
 #include "map/type.h"
 
+#define PRIORITY      39 /* below the interrupts of Ethernet: docs/realtime.md */
 #define PRIORITY_MOST 98
 #define APP_ID_MOST   0x3fff /* IEC 61850-8-1, C.1.4: of GOOSE type 1 */
 #define GROUP_BIT     0x01   /* of a MAC address's first octet */
@@ -24,7 +25,7 @@ enum { KEY_INTERFACE, KEY_PRIORITY, KEY_PUBLISH, KEY_SUBSCRIBE, KEYS };
 static const struct config_rule rules[KEYS] = {
     [KEY_INTERFACE] = {"interface", CONFIG_TEXT, .required = true, .low = 1,
 		       .high = GOOSE_INTERFACE_SIZE - 1},
-    [KEY_PRIORITY] = {"priority", CONFIG_INTEGER, .low = 0, .high = PRIORITY_MOST},
+    [KEY_PRIORITY] = {"priority", CONFIG_INTEGER, .low = 0, .high = PRIORITY_MOST, .fallback = PRIORITY},
     [KEY_PUBLISH] = {"publish", CONFIG_ARRAY, .high = GOOSE_PUBLISHED_MAX},
     [KEY_SUBSCRIBE] = {"subscribe", CONFIG_ARRAY, .high = GOOSE_SUBSCRIBED_MAX},
 };

@@ -10,6 +10,7 @@ struct goose_published {
 	_Atomic uint32_t states; /* stNum that was sent last */
 	_Atomic uint32_t messages;
 	_Atomic uint32_t failures; /* messages that could not be sent */
+	_Atomic uint32_t merged;   /* changes that another one hid: more than messages may be sent */
 };
 
 struct goose_subscribed {
@@ -20,12 +21,14 @@ struct goose_subscribed {
 	    mismatched; /* another revision or data set, needs commissioning, or types that the points have not */
 	_Atomic uint32_t simulated; /* and not wanted */
 	_Atomic uint32_t expired;
+	_Atomic uint32_t floods; /* times that its APPID was not listened to, since too much came */
 };
 
 struct goose_stats {
 	_Atomic uint32_t frames, damaged;
 	_Atomic uint32_t unknown;  /* of no subscription */
 	_Atomic uint32_t failures; /* of the interface, as that it is down */
+	_Atomic uint32_t overrun;  /* messages that came faster than the process took them */
 	struct goose_published published[GOOSE_PUBLISHED_MAX];
 	struct goose_subscribed subscribed[GOOSE_SUBSCRIBED_MAX];
 };

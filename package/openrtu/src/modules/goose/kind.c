@@ -4,7 +4,6 @@
 
 #include <arpa/inet.h>
 #include <errno.h>
-#include <linux/filter.h>
 #include <linux/if_packet.h>
 #include <net/if.h>
 #include <string.h>
@@ -14,13 +13,24 @@
 #include "goose/config_part.h"
 #include "goose/stats.h"
 #include "modules/calls.h"
+#include "modules/goose/filter.h"
 
 #define USER               18 /* docs/architecture.md */
 #define HEARTBEAT_LIMIT_MS 1000
 
 static const struct call_rule calls[] = {
-    CALL(poll),     CALL(ppoll_time64), CALL(ppoll),      CALL(recv),    CALL(send),
-    CALL(recvfrom), CALL(sendto),       CALL(getsockopt), RENEWAL_CALLS,
+    CALL(poll),
+    CALL(ppoll_time64),
+    CALL(ppoll),
+    CALL(recv),
+    CALL(send),
+    CALL(recvfrom),
+    CALL(sendto),
+    CALL(getsockopt),
+    RENEWAL_CALLS,
+    {.call = SCMP_SYS(setsockopt),
+     .count = 2,
+     .arguments = {EQUAL(1, SOL_SOCKET), EQUAL(2, SO_ATTACH_FILTER)}},
 };
 
 static const struct kind_program program = {
@@ -64,27 +74,7 @@ static int priority(const struct map_config *config)
 
 /* ---- what the module's user may not ------------------------------------------------------ */
 
-#define APP_ID_AT      14 /* the kernel has taken a VLAN's tag away */
-#define ACCEPT         UINT32_MAX
-#define PROGRAM_MAX    (GOOSE_SUBSCRIBED_MAX + 3)
 #define MULTICAST_SIZE 6
-
-/* The kernel drops what no subscription has: a storm of others' messages does not reach the process. */
-static int filter(int fd, const struct map_config *config)
-{
-	const struct goose_subscription *subscriptions = goose_subscriptions(config);
-	const uint32_t count = map_record_count(config, GOOSE_SUBSCRIPTIONS);
-	struct sock_filter code[PROGRAM_MAX];
-	struct sock_fprog filter = {.filter = code};
-
-	code[filter.len++] = (struct sock_filter)BPF_STMT(BPF_LD | BPF_H | BPF_ABS, APP_ID_AT);
-	for (uint32_t i = 0; i < count; i++)
-		code[filter.len++] = (struct sock_filter)BPF_JUMP(
-		    BPF_JMP | BPF_JEQ | BPF_K, subscriptions[i].stream.app_id, (uint8_t)(count - i), 0);
-	code[filter.len++] = (struct sock_filter)BPF_STMT(BPF_RET | BPF_K, 0);
-	code[filter.len++] = (struct sock_filter)BPF_STMT(BPF_RET | BPF_K, ACCEPT);
-	return setsockopt(fd, SOL_SOCKET, SO_ATTACH_FILTER, &filter, sizeof(filter));
-}
 
 static int join(int fd, int interface, const struct map_config *config)
 {
@@ -112,7 +102,7 @@ static int open_socket(const struct map_config *config)
 	fd = socket(AF_PACKET, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, 0); /* 0: nothing before bind */
 	if (fd < 0)
 		return -1;
-	if (filter(fd, config) == 0 && join(fd, (int)interface, config) == 0 &&
+	if (goose_filter(fd, config, 0) == 0 && join(fd, (int)interface, config) == 0 &&
 	    bind(fd, (const struct sockaddr *)&address, sizeof(address)) == 0)
 		return fd;
 	close(fd);

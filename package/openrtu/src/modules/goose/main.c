@@ -8,7 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "map/time_ns.h"
+#include "goose/pace.h"
+#include "modules/goose/flood.h"
 #include "modules/goose/publish.h"
 #include "modules/goose/subscribe.h"
 #include "modules/goose/wire.h"
@@ -17,17 +18,23 @@
 #define HEARTBEAT_NS  (250 * NS_PER_MS) /* a quarter of what kind.c allows */
 #define FRAMES_A_TURN 32
 
+enum { STOP, BELL, WIRE, WAITS };
+
 static struct map *map;
 static struct goose_stats *stats;
 static struct wire wire;
+static struct goose_pace rings;
 
 static void receive(int64_t now_ns)
 {
 	uint8_t frame[GOOSE_FRAME_MAX];
 	size_t size;
 
-	for (unsigned i = 0; i < FRAMES_A_TURN && (size = wire_receive(&wire, frame)) != 0; i++)
-		subscribe_take(frame, size, now_ns);
+	for (unsigned i = 0; i < FRAMES_A_TURN && (size = wire_receive(&wire, frame)) != 0; i++) {
+		map_count(&stats->frames, 1);
+		if (flood_admits(frame, size, now_ns))
+			subscribe_take(frame, size, now_ns);
+	}
 }
 
 /* Returns when there is more to do. */
@@ -39,42 +46,47 @@ static int64_t serve(void)
 	if (now_ns >= heartbeat_ns) {
 		heartbeat_ns = now_ns + HEARTBEAT_NS;
 		map_heartbeat(map);
-		map_bell_new_period(map);
+		wire_count_overrun(&wire);
 	}
-	map_bell_clear(map);
+	if (map_bell_clear(map))
+		goose_pace_take(&rings, now_ns);
+	flood_run(now_ns);
 	receive(now_ns);
 	subscribe_run(now_ns);
 	publish_run(&wire, now_ns);
-	return earlier(heartbeat_ns, earlier(publish_deadline(), subscribe_deadline()));
+	return earlier(earlier(heartbeat_ns, flood_deadline()),
+		       earlier(publish_deadline(), subscribe_deadline()));
 }
 
-/* Whoever rings without end is heard again with the next heartbeat: a real-time process would leave no time to others. */
-static int bell(void)
+static struct timespec pause_until(int64_t deadline_ns, int64_t now_ns)
 {
-	return map_bell_is_wild(map) ? -1 : map_bell_fd(map);
-}
-
-static struct timespec pause_until(int64_t deadline_ns)
-{
-	const int64_t now_ns = map_now_ns(), left_ns = deadline_ns > now_ns ? deadline_ns - now_ns : 0;
+	const int64_t left_ns = deadline_ns > now_ns ? deadline_ns - now_ns : 0;
 
 	return (struct timespec){.tv_sec = left_ns / NS_PER_S, .tv_nsec = (long)(left_ns % NS_PER_S)};
 }
 
+/* Whoever rings without end is heard once a millisecond: what was left in between is there in one go. */
+static void wait_for_work(struct pollfd waits[WAITS], int64_t deadline_ns)
+{
+	const int64_t now_ns = map_now_ns();
+	const bool hears = goose_pace_may(&rings, now_ns);
+	const struct timespec pause =
+	    pause_until(hears ? deadline_ns : earlier(deadline_ns, goose_pace_free(&rings)), now_ns);
+
+	waits[BELL].fd = hears ? map_bell_fd(map) : -1;
+	ppoll(waits, WAITS, &pause, NULL);
+}
+
 static void run(int stop)
 {
-	struct pollfd waits[] = {
-	    {.fd = stop, .events = POLLIN},
-	    {.fd = map_bell_fd(map), .events = POLLIN},
-	    {.fd = wire.fd, .events = POLLIN},
+	struct pollfd waits[WAITS] = {
+	    [STOP] = {.fd = stop, .events = POLLIN},
+	    [BELL] = {.events = POLLIN},
+	    [WIRE] = {.fd = wire.fd, .events = POLLIN},
 	};
 
-	while (map_may_run(map) && (waits[0].revents & POLLIN) == 0 && !wire.gone) {
-		const struct timespec pause = pause_until(serve());
-
-		waits[1].fd = bell();
-		ppoll(waits, sizeof(waits) / sizeof(waits[0]), &pause, NULL);
-	}
+	while (map_may_run(map) && (waits[STOP].revents & POLLIN) == 0 && !wire.gone)
+		wait_for_work(waits, serve());
 }
 
 static void name_own_counters(void)
@@ -83,6 +95,7 @@ static void name_own_counters(void)
 	map_name_counter(map, &stats->damaged, "damaged");
 	map_name_counter(map, &stats->unknown, "unknown");
 	map_name_counter(map, &stats->failures, "failures");
+	map_name_counter(map, &stats->overrun, "overrun");
 }
 
 int main(int argc, char **argv)
@@ -101,6 +114,7 @@ int main(int argc, char **argv)
 		map_log(map, MAP_LOG_ERROR, "cannot start: %s", strerror(errno));
 		return MODULE_FAILED;
 	}
+	flood_begin(&wire);
 	if (!module_confine(map, &options, 0))
 		return MODULE_FAILED;
 	run(stop);

@@ -3,8 +3,8 @@
 
 #include <stdlib.h>
 
+#include "goose/pace.h"
 #include "goose/publisher.h"
-#include "map/time_ns.h"
 
 #define EVENTS_A_TURN 256
 #define READ_TRIES    3
@@ -12,6 +12,7 @@
 static struct map *map;
 static struct goose_stats *stats;
 static struct goose_publisher publishers[GOOSE_PUBLISHED_MAX];
+static struct goose_pace paces[GOOSE_PUBLISHED_MAX];
 static uint32_t count;
 static struct map_sample *samples; /* of all members */
 static struct map_cursor cursor;
@@ -76,22 +77,31 @@ static void send_message(struct wire *wire, uint32_t number, int64_t now_ns)
 	    goose_publisher_send(&publishers[number], wire->address, time_of(now_ns), now_ns, frame);
 
 	atomic_store(&of->states, publishers[number].state);
+	goose_pace_take(&paces[number], now_ns);
 	map_count(wire_send(wire, frame, size) ? &of->messages : &of->failures, 1);
 }
 
 /* ---- events ------------------------------------------------------------------------------ */
 
-/* A second change of a member that was not sent yet would hide the first. */
+/* A second change of a member that was not sent yet would hide the first; whose points change without end, it does. */
+static void set_changed(struct wire *wire, uint32_t number, uint32_t member, const struct map_sample *sample,
+			int64_t now_ns)
+{
+	if (goose_publisher_has_changed(&publishers[number], member)) {
+		if (goose_pace_may(&paces[number], now_ns))
+			send_message(wire, number, now_ns);
+		else
+			map_count(&stats->published[number].merged, 1);
+	}
+	goose_publisher_set(&publishers[number], member, sample);
+}
+
 static void take_change(struct wire *wire, const struct map_event *event, int64_t now_ns)
 {
 	for (uint32_t i = 0; i < count; i++)
-		for (uint32_t j = 0; j < publishers[i].publication->member_count; j++) {
-			if (publishers[i].members[j] != event->point)
-				continue;
-			if (goose_publisher_has_changed(&publishers[i], j))
-				send_message(wire, i, now_ns);
-			goose_publisher_set(&publishers[i], j, &event->sample);
-		}
+		for (uint32_t j = 0; j < publishers[i].publication->member_count; j++)
+			if (publishers[i].members[j] == event->point)
+				set_changed(wire, i, j, &event->sample, now_ns);
 }
 
 static void take_events(struct wire *wire, int64_t now_ns)
@@ -121,6 +131,7 @@ static void name_counters(const struct goose_publication *publication, const str
 	map_name_counter(map, &of->states, "%s.states", publication->stream.name);
 	map_name_counter(map, &of->messages, "%s.messages", publication->stream.name);
 	map_name_counter(map, &of->failures, "%s.failures", publication->stream.name);
+	map_name_counter(map, &of->merged, "%s.merged", publication->stream.name);
 }
 
 bool publish_begin(struct map *of_map, struct goose_stats *of_stats)
@@ -150,11 +161,16 @@ void publish_end(void)
 	free(samples);
 }
 
+static int64_t deadline_of(uint32_t number)
+{
+	return later(goose_publisher_deadline(&publishers[number]), goose_pace_free(&paces[number]));
+}
+
 void publish_run(struct wire *wire, int64_t now_ns)
 {
 	take_events(wire, now_ns);
 	for (uint32_t i = 0; i < count; i++) {
-		if (now_ns < goose_publisher_deadline(&publishers[i]))
+		if (now_ns < deadline_of(i))
 			continue;
 		check_owners(&publishers[i]);
 		send_message(wire, i, now_ns);
@@ -166,6 +182,6 @@ int64_t publish_deadline(void)
 	int64_t deadline_ns = has_more ? INT64_MIN : INT64_MAX;
 
 	for (uint32_t i = 0; i < count; i++)
-		deadline_ns = earlier(deadline_ns, goose_publisher_deadline(&publishers[i]));
+		deadline_ns = earlier(deadline_ns, deadline_of(i));
 	return deadline_ns;
 }

@@ -154,7 +154,6 @@ void subscribe_take(const uint8_t *frame, size_t size, int64_t now_ns)
 	struct goose_message message;
 	bool known = false;
 
-	map_count(&stats->frames, 1);
 	if (!goose_decode(frame, size, &message, items)) {
 		map_count(&stats->damaged, 1);
 		return;
@@ -197,6 +196,7 @@ static void name_counters(const char *name, const struct goose_subscribed *of)
 	map_name_counter(map, &of->mismatched, "%s.mismatched", name);
 	map_name_counter(map, &of->simulated, "%s.simulated", name);
 	map_name_counter(map, &of->expired, "%s.expired", name);
+	map_name_counter(map, &of->floods, "%s.floods", name);
 }
 
 bool subscribe_begin(struct map *of_map, struct goose_stats *of_stats)

@@ -41,6 +41,16 @@ size_t wire_receive(struct wire *wire, uint8_t frame[GOOSE_FRAME_MAX])
 	return 0;
 }
 
+/* The kernel counts from the last time it was asked. */
+void wire_count_overrun(struct wire *wire)
+{
+	struct tpacket_stats counted;
+	socklen_t size = sizeof(counted);
+
+	if (getsockopt(wire->fd, SOL_PACKET, PACKET_STATISTICS, &counted, &size) == 0)
+		map_count(&wire->stats->overrun, counted.tp_drops);
+}
+
 bool wire_send(struct wire *wire, const uint8_t *frame, size_t size)
 {
 	if (send(wire->fd, frame, size, 0) != (ssize_t)size) {

@@ -19,6 +19,7 @@ struct wire {
 bool wire_init(struct wire *wire, struct map *map, int fd, struct goose_stats *stats);
 /* The size of a frame that has come; 0: there is none. */
 size_t wire_receive(struct wire *wire, uint8_t frame[GOOSE_FRAME_MAX]);
+void wire_count_overrun(struct wire *wire);
 /* False: the frame was not sent, and will not be. */
 bool wire_send(struct wire *wire, const uint8_t *frame, size_t size);
 
