@@ -491,7 +491,7 @@ static uint32_t start_number(void)
 	return (uint32_t)(map_wall_ns(map_clock_read(map), map_now_ns()) / NS_PER_MS);
 }
 
-static bool start(void)
+static bool start(int file)
 {
 	const struct iec61850_settings *settings = iec61850_settings(map_config(map));
 	bool begun = iec61850_model_begin(&server.model, map);
@@ -502,7 +502,7 @@ static bool start(void)
 	server.chosen = calloc(server.model.longest_set, sizeof(*server.chosen));
 	begun = begin_connections(settings->associations, settings->max_pdu) && begun;
 	if (begun && scratch != NULL && server.names != NULL && server.chosen != NULL) {
-		file_make(&server, map);
+		file_take(&server, map, file);
 		map_cursor_to_end(map, &cursor);
 		iec61850_report_begin(&server, server.stats, &cursor, start_number());
 		return true;
@@ -547,7 +547,7 @@ int main(int argc, char **argv)
 	stop = module_stop_fd();
 	channels.tls = &iec61850_settings(map_config(map))->tls;
 	channels.refused = &server.stats->counters[IEC61850_COUNT_HANDSHAKES_REFUSED];
-	if (stop < 0 || !start() || !channel_start(&channels) || !module_confine(map, &options, 0))
+	if (stop < 0 || !start(options.file_fd) || !channel_start(&channels) || !module_confine(map, &options, 0))
 		return MODULE_FAILED;
 	map_log(map, MAP_LOG_INFO, "listening on %s port %u", server.model.settings->address,
 		(unsigned)server.model.settings->port);
