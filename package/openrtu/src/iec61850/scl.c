@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "iec61850/leaf.h"
 #include "iec61850/value.h"
 #include "map/address.h"
 
@@ -565,60 +566,6 @@ static void type_id(const struct iec61850_class *class, char out[ID_SIZE])
 		 class->has_unit ? "_units" : "");
 }
 
-/* The basic type of an attribute (IEC 61850-6, table 46). */
-static const char *basic_type(enum iec61850_leaf leaf)
-{
-	switch (leaf) {
-	case IEC61850_BOOLEAN:
-	case IEC61850_TRANSIENT:
-	case IEC61850_PERSISTENT:
-		return "BOOLEAN";
-	case IEC61850_DOUBLE:
-		return "Dbpos";
-	case IEC61850_ENUM:
-	case IEC61850_DIRECTION:
-	case IEC61850_CTL_MODEL:
-	case IEC61850_SI_UNIT:
-	case IEC61850_MULTIPLIER:
-		return "Enum";
-	case IEC61850_STEP:
-		return "INT8";
-	case IEC61850_INTEGER:
-		return "INT32";
-	case IEC61850_TOTAL:
-		return "INT64";
-	case IEC61850_DEADBAND:
-		return "INT32U";
-	case IEC61850_FLOAT:
-	case IEC61850_UNIT:
-	case IEC61850_DEADBAND_REF:
-	case IEC61850_LEAST:
-	case IEC61850_MOST:
-	case IEC61850_STEP_SIZE:
-		return "FLOAT32";
-	case IEC61850_QUALITY:
-		return "Quality";
-	case IEC61850_TIME:
-		return "Timestamp";
-	case IEC61850_DESCRIPTION:
-	case IEC61850_VENDOR:
-	case IEC61850_REVISION:
-	case IEC61850_CONFIGURATION:
-	case IEC61850_NAME_SPACE:
-		return "VisString255";
-	case IEC61850_SBO:
-		return "ObjRef";
-	case IEC61850_OR_IDENT:
-		return "Octet64";
-	case IEC61850_CTL_NUM:
-		return "INT8U";
-	case IEC61850_CHECK:
-		return "Check";
-	default:
-		return "Struct";
-	}
-}
-
 /* An attribute's enumeration. orCat is the other one but stVal. */
 static enum iec61850_enumeration enumeration_of(const struct iec61850_node *node,
 						const struct iec61850_class *class)
@@ -660,7 +607,8 @@ static void put_attribute(const struct iec61850_scl *scl, const char *element, c
 			  const struct iec61850_node *node, const struct iec61850_class *class,
 			  const char *in)
 {
-	const char *const basic = basic_type(node->leaf), *const constant = constant_of(node, class);
+	const char *const basic = iec61850_leaf_types[node->leaf].basic, *const constant =
+									     constant_of(node, class);
 
 	fprintf(scl->out, "      <%s name=\"%s\"%s bType=\"%s\"", element, node->name, more, basic);
 	if (node->count > 0)
