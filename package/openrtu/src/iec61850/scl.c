@@ -19,13 +19,13 @@
 
 /* ---- text -------------------------------------------------------------------------------- */
 
-/* A line, so deep in the tree. What it is made of needs no escaping, or has it. */
+/* A line, a space for each level that it is deep in the tree: clients get the file, and a third of it was spaces. What it is made of needs no escaping, or has it. */
 __attribute__((format(printf, 3, 4))) static void line(const struct iec61850_scl *scl, int depth,
 						       const char *format, ...)
 {
 	va_list arguments;
 
-	fprintf(scl->out, "%*s", 2 * depth, "");
+	fprintf(scl->out, "%*s", depth, "");
 	va_start(arguments, format);
 	vfprintf(scl->out, format, arguments);
 	va_end(arguments);
@@ -180,7 +180,7 @@ static void put_member(const struct iec61850_scl *scl, const struct iec61850_obj
 	char name[IEC61850_NAME_SIZE];
 
 	do_name(scl, object, name);
-	fprintf(scl->out, "%*s<FCDA ldInst=\"CA%u\"", 14, "", (unsigned)object->device->ca);
+	fprintf(scl->out, "%*s<FCDA ldInst=\"CA%u\"", 7, "", (unsigned)object->device->ca);
 	if (ln.prefix[0] != '\0')
 		fprintf(scl->out, " prefix=\"%s\"", ln.prefix);
 	fprintf(scl->out, " lnClass=\"%s\" lnInst=\"%s\" doName=\"%s\"", ln.class, ln.instance, name);
@@ -279,7 +279,7 @@ static void put_report(const struct iec61850_scl *scl, const struct iec61850_dev
 	const struct iec61850_set *set = iec61850_set_of(scl->model, block);
 	char id[TEXT_SIZE];
 
-	fprintf(scl->out, "%*s<ReportControl name=\"%s\"", 12, "", block->name);
+	fprintf(scl->out, "%*s<ReportControl name=\"%s\"", 6, "", block->name);
 	if (block->id[0] != '\0')
 		fprintf(scl->out, " rptID=\"%s\"", escaped(block->id, id));
 	fprintf(scl->out,
@@ -306,38 +306,25 @@ static void put_value(const struct iec61850_scl *scl, const char *attribute, con
 {
 	char safe[TEXT_SIZE];
 
-	line(scl, 7, "<DAI name=\"%s\">", attribute);
-	line(scl, 8, "<Val>%s</Val>", escaped(text, safe));
-	line(scl, 7, "</DAI>");
-}
-
-static void put_private(const struct iec61850_scl *scl, const struct iec61850_object *object, unsigned type)
-{
-	const struct map_point *point = &scl->model->config->points[iec61850_point_of(scl->model, object)];
-
-	line(scl, 9,
-	     "<Private type=\"IEC_60870_5_104\"><IEC_60870_5_104:Address casdu=\"%u\" ioa=\"%u\" "
-	     "ti=\"%u\"/></Private>",
-	     (unsigned)object->device->ca, point->ioa, type);
+	line(scl, 7, "<DAI name=\"%s\"><Val>%s</Val></DAI>", attribute, escaped(text, safe));
 }
 
 /* The address of a node, or of the first one in it. */
 static void put_addressed(const struct iec61850_scl *scl, const struct iec61850_object *object,
 			  const struct iec61850_node *node, unsigned type)
 {
-	const bool structure = node->count > 0;
+	const struct map_point *point = &scl->model->config->points[iec61850_point_of(scl->model, object)];
 
-	if (structure)
+	if (node->count > 0) {
 		line(scl, 7, "<SDI name=\"%s\">", node->name);
-	if (structure && node->children->count > 0) {
 		put_addressed(scl, object, node->children, type);
-	} else {
-		line(scl, 8, "<DAI name=\"%s\">", structure ? node->children->name : node->name);
-		put_private(scl, object, type);
-		line(scl, 8, "</DAI>");
-	}
-	if (structure)
 		line(scl, 7, "</SDI>");
+		return;
+	}
+	line(scl, 8,
+	     "<DAI name=\"%s\"><Private type=\"IEC_60870_5_104\"><IEC_60870_5_104:Address casdu=\"%u\" "
+	     "ioa=\"%u\" ti=\"%u\"/></Private></DAI>",
+	     node->name, (unsigned)object->device->ca, point->ioa, type);
 }
 
 static void put_addresses(const struct iec61850_scl *scl, struct iec61850_object object)
@@ -441,7 +428,7 @@ static void put_ln(const struct iec61850_scl *scl, const struct iec61850_device 
 	const struct ln_name ln = parts_of(&object);
 	const char *const element = number == IEC61850_LLN0 ? "LN0" : "LN";
 
-	fprintf(scl->out, "%*s<%s", 10, "", element);
+	fprintf(scl->out, "%*s<%s", 5, "", element);
 	if (ln.prefix[0] != '\0')
 		fprintf(scl->out, " prefix=\"%s\"", ln.prefix);
 	fprintf(scl->out, " lnClass=\"%s\" inst=\"%s\" lnType=\"", ln.class, ln.instance);
@@ -610,7 +597,7 @@ static void put_attribute(const struct iec61850_scl *scl, const char *element, c
 	const char *const basic = iec61850_leaf_types[node->leaf].basic, *const constant =
 									     constant_of(node, class);
 
-	fprintf(scl->out, "      <%s name=\"%s\"%s bType=\"%s\"", element, node->name, more, basic);
+	fprintf(scl->out, "   <%s name=\"%s\"%s bType=\"%s\"", element, node->name, more, basic);
 	if (node->count > 0)
 		fprintf(scl->out, " type=\"%s_%s\"", in, node->name);
 	else if (strcmp(basic, "Enum") == 0)
@@ -706,7 +693,7 @@ static void put_ln_type(const struct iec61850_scl *scl, struct iec61850_object o
 	const struct ln_name ln = parts_of(&object);
 	char id[ID_SIZE], name[IEC61850_NAME_SIZE];
 
-	fputs("    <LNodeType id=\"", scl->out);
+	fputs("  <LNodeType id=\"", scl->out);
 	put_ln_type_name(scl, &object);
 	fprintf(scl->out, "\" lnClass=\"%s\">\n", ln.class);
 	for (; is_object(&object); object.number++) {
