@@ -534,8 +534,7 @@ const struct iec61850_set *iec61850_find_set(const struct iec61850_model *model,
 struct iec61850_object iec61850_member(const struct iec61850_model *model, const struct iec61850_set *set,
 				       uint32_t member)
 {
-	const struct iec61850_member *of = &model->members[set->first + member];
-	struct iec61850_object object = iec61850_object_of(model, of->point);
+	struct iec61850_object object = iec61850_object_of(model, model->members[set->first + member]);
 
 	object.node = model->nodes[set->first + member];
 	return object;
@@ -545,7 +544,7 @@ struct iec61850_object iec61850_member(const struct iec61850_model *model, const
 static uint32_t member_from(const struct iec61850_model *model, uint32_t member, uint32_t set)
 {
 	while (member != IEC61850_NO_MEMBER && !iec61850_set_has(model, set, member))
-		member = model->members[member].next;
+		member = iec61850_earlier(model, member);
 	return member;
 }
 
@@ -556,5 +555,5 @@ uint32_t iec61850_last_member(const struct iec61850_model *model, uint32_t point
 
 uint32_t iec61850_member_before(const struct iec61850_model *model, uint32_t member, uint32_t set)
 {
-	return member_from(model, model->members[member].next, set);
+	return member_from(model, iec61850_earlier(model, member), set);
 }

@@ -43,12 +43,6 @@ struct iec61850_set {
 	uint32_t revision;     /* ConfRev: another one when the members are others */
 };
 
-/* A point in a data set, or an attribute of it. */
-struct iec61850_member {
-	uint32_t point;
-	uint32_t next; /* an earlier member that is of the same point; IEC61850_NO_MEMBER: there is none */
-};
-
 #define IEC61850_LISTS        16 /* data sets that clients have made, at a time */
 #define IEC61850_LIST_MEMBERS 64 /* of one */
 
@@ -148,9 +142,13 @@ struct iec61850_model {
 	uint32_t set_count;        /* of the configuration */
 	uint32_t longest_set;      /* members that a set can have */
 	struct iec61850_list lists[IEC61850_LISTS];
-	struct iec61850_member *members;
-	/* Of each member; NULL: it is all that the point has under its functional constraint, as most are. */
+	/*
+	 * Of each member of a data set: the point, the attribute of it (NULL: all that it has under its functional constraint), and the
+	 * earlier member that is of the same point, and one more (0: there is none). Memory that nobody has written to takes none.
+	 */
+	uint32_t *members;
 	const struct iec61850_node **nodes;
+	uint32_t *earlier;
 	uint32_t member_count;
 	struct iec61850_block *blocks; /* of all devices */
 	uint32_t block_count;
@@ -256,6 +254,11 @@ struct iec61850_object iec61850_member(const struct iec61850_model *model, const
 /* The last member of the set that is of a point, and then those before it. IEC61850_NO_MEMBER: there is none. */
 uint32_t iec61850_last_member(const struct iec61850_model *model, uint32_t point, uint32_t set);
 uint32_t iec61850_member_before(const struct iec61850_model *model, uint32_t member, uint32_t set);
+/* The one before it, of any set. */
+static inline uint32_t iec61850_earlier(const struct iec61850_model *model, uint32_t member)
+{
+	return model->earlier[member] - 1; /* 0: IEC61850_NO_MEMBER */
+}
 /* Whether a member of the model's is one of the set. */
 static inline bool iec61850_set_has(const struct iec61850_model *model, uint32_t set, uint32_t member)
 {

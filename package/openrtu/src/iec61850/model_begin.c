@@ -150,9 +150,11 @@ void iec61850_add_member(struct iec61850_model *model, uint32_t set, uint32_t me
 	object.node = node;
 	if (model->sets[set].count++ == 0)
 		model->sets[set].revision = MAP_HASH_BASIS;
-	model->members[member] = (struct iec61850_member){.point = point, .next = place->member};
-	if (model->nodes[member] != node) /* memory that nobody has written to takes none */
+	model->members[member] = point;
+	if (model->nodes[member] != node)
 		model->nodes[member] = node;
+	if (model->earlier[member] != place->member + 1)
+		model->earlier[member] = place->member + 1;
 	place->member = member;
 	model->sets[set].revision = hash_member(model, &object, model->sets[set].revision);
 	if (model->sets[set].revision == 0)
@@ -164,11 +166,16 @@ void iec61850_clear_set(struct iec61850_model *model, uint32_t set)
 	struct iec61850_set *of = &model->sets[set];
 
 	for (uint32_t i = of->first; i < of->first + of->count; i++) {
-		uint32_t *at = &model->places[model->members[i].point].member;
+		struct iec61850_place *place = &model->places[model->members[i]];
+		uint32_t later = place->member;
 
-		while (*at != i)
-			at = &model->members[*at].next;
-		*at = model->members[i].next;
+		if (later == i) {
+			place->member = iec61850_earlier(model, i);
+			continue;
+		}
+		while (iec61850_earlier(model, later) != i)
+			later = iec61850_earlier(model, later);
+		model->earlier[later] = model->earlier[i];
 	}
 	of->count = 0;
 }
@@ -438,11 +445,13 @@ static bool allocate_sets(struct iec61850_model *model)
 		  (size_t)IEC61850_LISTS * IEC61850_LIST_MEMBERS;
 	model->members = calloc(members, sizeof(*model->members));
 	model->nodes = calloc(members, sizeof(*model->nodes));
+	model->earlier = calloc(members, sizeof(*model->earlier));
 	model->blocks = calloc(blocks + 1, sizeof(*model->blocks));
 	model->ids = calloc(blocks + 1, sizeof(*model->ids));
 	model->reasons = calloc(reasons + 1, 1);
 	return model->sets != NULL && model->members != NULL && model->nodes != NULL &&
-	       model->blocks != NULL && model->ids != NULL && model->reasons != NULL;
+	       model->earlier != NULL && model->blocks != NULL && model->ids != NULL &&
+	       model->reasons != NULL;
 }
 
 static void read_units(struct iec61850_model *model)
@@ -492,6 +501,7 @@ void iec61850_model_end(struct iec61850_model *model)
 	free(model->sets);
 	free(model->members);
 	free(model->nodes);
+	free(model->earlier);
 	free(model->blocks);
 	free(model->ids);
 	free(model->reasons);

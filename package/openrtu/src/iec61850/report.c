@@ -49,7 +49,8 @@ static void mark_point(const struct iec61850_model *model, uint32_t point, unsig
 {
 	const struct iec61850_device *device = &model->devices[model->places[point].device];
 
-	for (uint32_t i = model->places[point].member; i != IEC61850_NO_MEMBER; i = model->members[i].next)
+	for (uint32_t i = model->places[point].member; i != IEC61850_NO_MEMBER;
+	     i = iec61850_earlier(model, i))
 		for (uint32_t j = 0; j < device->block_count; j++)
 			if (!device->blocks[j].buffered && iec61850_set_has(model, device->blocks[j].set, i))
 				mark(&device->blocks[j], i - model->sets[device->blocks[j].set].first,

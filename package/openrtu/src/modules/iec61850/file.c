@@ -8,7 +8,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#define SIZE_MOST (4 << 20) /* the board has 64 MiB; 5 000 points take some 2.5 */
+#define SIZE_MOST (4 << 20) /* the board has 64 MiB; 5 000 points take some 2 */
 
 static bool map_file(struct iec61850_server *server, int fd)
 {
