@@ -103,7 +103,7 @@ void ber_put_octets(struct ber_writer *writer, const void *octets, size_t size)
 	}
 	writer->at -= size;
 	if (size > 0)
-		memcpy(writer->octets + writer->at, octets, size);
+		memmove(writer->octets + writer->at, octets, size);
 }
 
 static void put_header(struct ber_writer *writer, uint32_t tag, size_t size)

@@ -54,6 +54,7 @@ struct ber_writer {
 	bool full;
 };
 
+/* octets may lie in what is not written yet. */
 void ber_put_octets(struct ber_writer *writer, const void *octets, size_t size);
 void ber_put(struct ber_writer *writer, uint32_t tag, const void *octets, size_t size);
 /* In as few octets as an INTEGER needs. */

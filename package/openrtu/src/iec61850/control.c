@@ -58,7 +58,7 @@ static bool is_free(const struct iec61850_control *control)
 /* The client's command of a point that has not ended. NULL: there is none. */
 static struct iec61850_control *find_live(struct iec61850_server *server, uint32_t point)
 {
-	for (unsigned i = 0; i < IEC61850_CONTROLS; i++)
+	for (unsigned i = 0; i < server->control_count; i++)
 		if (server->controls[i].client == server->client && is_live(&server->controls[i]) &&
 		    server->controls[i].request.point == point)
 			return &server->controls[i];
@@ -71,13 +71,17 @@ static struct iec61850_control *find_free(struct iec61850_server *server)
 	struct iec61850_control *found = NULL;
 	unsigned own = 0;
 
-	for (unsigned i = 0; i < IEC61850_CONTROLS; i++) {
+	for (unsigned i = 0; i < server->control_count; i++) {
 		if (is_free(&server->controls[i]))
 			found = &server->controls[i];
 		else if (server->controls[i].client == server->client)
 			own++;
 	}
-	return own < IEC61850_CONTROLS_EACH ? found : NULL;
+	if (own == IEC61850_CONTROLS_EACH)
+		return NULL;
+	if (found == NULL && server->control_count < IEC61850_CONTROLS)
+		found = &server->controls[server->control_count++];
+	return found;
 }
 
 static bool is_enhanced(const struct iec61850_server *server, const struct iec61850_control *control)
@@ -240,7 +244,7 @@ static void conclude(struct iec61850_server *server, struct iec61850_control *co
 
 void iec61850_control_answer(struct iec61850_server *server, const struct map_answer *answer)
 {
-	for (unsigned i = 0; i < IEC61850_CONTROLS; i++) {
+	for (unsigned i = 0; i < server->control_count; i++) {
 		struct iec61850_control *control = &server->controls[i];
 
 		if (!is_live(control) || control->phase == IEC61850_SELECTED ||
@@ -299,14 +303,14 @@ static void look_after(struct iec61850_server *server, struct iec61850_control *
 
 void iec61850_controls_tick(struct iec61850_server *server)
 {
-	for (unsigned i = 0; i < IEC61850_CONTROLS; i++)
+	for (unsigned i = 0; i < server->control_count; i++)
 		if (server->controls[i].phase != IEC61850_CONTROL_OVER)
 			look_after(server, &server->controls[i]);
 }
 
 void iec61850_controls_release(struct iec61850_server *server, const void *client)
 {
-	for (unsigned i = 0; i < IEC61850_CONTROLS; i++) {
+	for (unsigned i = 0; i < server->control_count; i++) {
 		struct iec61850_control *control = &server->controls[i];
 
 		if (control->client != client)
@@ -338,7 +342,7 @@ static unsigned objection(const struct iec61850_server *server, const struct iec
 /* What follows it takes its place at the owner. */
 static void forget_orphan(struct iec61850_server *server, uint32_t point)
 {
-	for (unsigned i = 0; i < IEC61850_CONTROLS; i++)
+	for (unsigned i = 0; i < server->control_count; i++)
 		if (server->controls[i].client == server->client &&
 		    server->controls[i].phase == IEC61850_ORPHANED &&
 		    server->controls[i].request.point == point)
@@ -614,7 +618,7 @@ static void put_next(struct iec61850_server *server, struct ber_writer *writer,
 
 bool iec61850_control_put(struct iec61850_server *server, struct ber_writer *writer, bool ends)
 {
-	for (unsigned i = 0; i < IEC61850_CONTROLS; i++) {
+	for (unsigned i = 0; i < server->control_count; i++) {
 		struct iec61850_control *control = &server->controls[i];
 
 		if (control->client != server->client || control->owes == 0 ||

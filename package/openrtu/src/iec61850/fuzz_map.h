@@ -154,7 +154,6 @@ static struct iec61850_server *fuzz_server(void)
 {
 	static struct iec61850_server server;
 	static _Alignas(8) uint8_t section[1 << 18];
-	static uint8_t names[FUZZ_MAX_PDU];
 	static uint32_t chosen[IEC61850_LIST_MEMBERS];
 
 	if (server.stats != NULL)
@@ -171,7 +170,6 @@ static struct iec61850_server *fuzz_server(void)
 	fuzz_assign(&fuzz_assignments[2], "MMXU", "TotW");
 	CHECK(iec61850_model_begin(&server.model, NULL));
 	server.stats = (void *)section;
-	server.names = names;
 	server.chosen = chosen;
 	server.file = (const uint8_t *)"<SCL/>";
 	server.file_size = 6;

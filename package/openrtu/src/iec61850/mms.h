@@ -64,10 +64,10 @@ struct iec61850_server {
 	struct iec61850_stats *stats;
 	/* What one request needs, whosever it is. */
 	struct ber_element variables[IEC61850_VARIABLES_MAX];
-	uint8_t *names;   /* max_pdu octets */
 	uint32_t *chosen; /* members of a data set: model.longest_set */
 	struct iec61850_control controls[IEC61850_CONTROLS];
-	const uint8_t *file; /* the SCL file; NULL: there is none */
+	unsigned control_count; /* places of which were used: the others are free */
+	const uint8_t *file;    /* the SCL file; NULL: there is none */
 	size_t file_size;
 	char file_date[sizeof("20000101000000Z")]; /* when it was written; empty: nobody knows */
 	struct iec61850_reading readings[IEC61850_ASSOCIATIONS_MAX];
@@ -100,6 +100,12 @@ enum iec61850_outcome iec61850_serve(struct iec61850_server *server, const struc
 				     struct ber_writer *writer);
 
 /* ---- for the files of the services --------------------------------------------------------- */
+
+/* Where octets may lie for a moment, until they are put as a whole: what writer has not filled. */
+static inline uint8_t *iec61850_room(const struct ber_writer *writer)
+{
+	return writer->octets + writer->floor;
+}
 
 /* Classes and codes of errors (ISO 9506-2, 7.4.3). */
 enum iec61850_error {

@@ -494,15 +494,15 @@ bool iec61850_find(const struct iec61850_model *model, const struct iec61850_dev
 	return true;
 }
 
-struct iec61850_object iec61850_block_object(const struct iec61850_device *device, uint32_t block)
+struct iec61850_object iec61850_block_object(const struct iec61850_block *block)
 {
-	const uint32_t ln = device->blocks[block].ln;
-	const struct iec61850_ln *of = &device->lns[ln];
+	const struct iec61850_ln *ln = &block->device->lns[block->ln];
+	const uint32_t number = (uint32_t)(block - block->device->blocks);
 
-	return (struct iec61850_object){.device = device,
-					.ln = ln,
-					.fc = device->blocks[block].buffered ? IEC61850_BR : IEC61850_RP,
-					.number = of->fixed + of->count + block - of->first_block};
+	return (struct iec61850_object){.device = block->device,
+					.ln = block->ln,
+					.fc = block->buffered ? IEC61850_BR : IEC61850_RP,
+					.number = ln->fixed + ln->count + number - ln->first_block};
 }
 
 /* ---- data sets --------------------------------------------------------------------------- */
@@ -534,18 +534,17 @@ const struct iec61850_set *iec61850_find_set(const struct iec61850_model *model,
 struct iec61850_object iec61850_member(const struct iec61850_model *model, const struct iec61850_set *set,
 				       uint32_t member)
 {
-	const struct iec61850_member *of = &model->members[set->first + member];
-	struct iec61850_object object = iec61850_object_of(model, of->point);
+	struct iec61850_object object = iec61850_object_of(model, model->members[set->first + member]);
 
-	object.node = of->node;
+	object.node = model->nodes[set->first + member];
 	return object;
 }
 
 /* From this member on, of those of the same point. */
 static uint32_t member_from(const struct iec61850_model *model, uint32_t member, uint32_t set)
 {
-	while (member != IEC61850_NO_MEMBER && model->members[member].set != set)
-		member = model->members[member].next;
+	while (member != IEC61850_NO_MEMBER && !iec61850_set_has(model, set, member))
+		member = iec61850_earlier(model, member);
 	return member;
 }
 
@@ -554,7 +553,7 @@ uint32_t iec61850_last_member(const struct iec61850_model *model, uint32_t point
 	return member_from(model, model->places[point].member, set);
 }
 
-uint32_t iec61850_member_before(const struct iec61850_model *model, uint32_t member)
+uint32_t iec61850_member_before(const struct iec61850_model *model, uint32_t member, uint32_t set)
 {
-	return member_from(model, model->members[member].next, model->members[member].set);
+	return member_from(model, iec61850_earlier(model, member), set);
 }

@@ -43,13 +43,6 @@ struct iec61850_set {
 	uint32_t revision;     /* ConfRev: another one when the members are others */
 };
 
-/* A point in a data set, or an attribute of it. */
-struct iec61850_member {
-	uint32_t point, set;
-	uint32_t next; /* an earlier member that is of the same point; IEC61850_NO_MEMBER: there is none */
-	const struct iec61850_node *node; /* NULL: all that it has under its functional constraint */
-};
-
 #define IEC61850_LISTS        16 /* data sets that clients have made, at a time */
 #define IEC61850_LIST_MEMBERS 64 /* of one */
 
@@ -91,17 +84,19 @@ struct iec61850_peer {
 
 /* A report control block. */
 struct iec61850_block {
+	const struct iec61850_device *device;
+	struct iec61850_block *next_enabled;
 	uint32_t ln;      /* of the device's */
 	const char *name; /* before its index */
 	uint8_t index;    /* from 1 */
 	bool buffered;
-	uint32_t set;                  /* of the model's */
-	uint32_t own_set;              /* that it has of the configuration */
-	uint32_t kept_number;          /* of a buffered one: of its reader */
-	const void *owner;             /* the association that has it; NULL: none */
-	struct iec61850_peer peer;     /* of the owner, or of the former one while the block is kept for it */
-	int64_t reserved_ns;           /* so long it is kept for the owner that is gone */
-	char id[IEC61850_RPT_ID_SIZE]; /* empty: its reference */
+	uint32_t set;              /* of the model's */
+	uint32_t own_set;          /* that it has of the configuration */
+	uint32_t kept_number;      /* of a buffered one: of its reader */
+	const void *owner;         /* the association that has it; NULL: none */
+	struct iec61850_peer peer; /* of the owner, or of the former one while the block is kept for it */
+	int64_t reserved_ns;       /* so long it is kept for the owner that is gone */
+	char *id;                  /* in the model's ids; empty: its reference */
 	bool enabled, reserved;
 	uint8_t triggers;
 	uint16_t number;  /* SqNum of the next report */
@@ -127,10 +122,10 @@ struct iec61850_device {
 
 /* Where a point is in the model. */
 struct iec61850_place {
-	uint32_t ln, number; /* of its data object */
-	uint32_t member;     /* the first one that it is; IEC61850_NO_MEMBER: of no data set */
-	uint16_t device;
-	uint8_t fc; /* under which its value is: enum iec61850_fc */
+	uint32_t number : 24; /* of its data object in ln: there are no more than IOAs */
+	uint32_t fc : 8;      /* under which its value is: enum iec61850_fc */
+	uint32_t member;      /* the first one that it is; IEC61850_NO_MEMBER: of no data set */
+	uint16_t device, ln;
 };
 
 struct iec61850_model {
@@ -147,10 +142,19 @@ struct iec61850_model {
 	uint32_t set_count;        /* of the configuration */
 	uint32_t longest_set;      /* members that a set can have */
 	struct iec61850_list lists[IEC61850_LISTS];
-	struct iec61850_member *members;
+	/*
+	 * Of each member of a data set: the point, the attribute of it (NULL: all that it has under its functional constraint), and the
+	 * earlier member that is of the same point, and one more (0: there is none). Memory that nobody has written to takes none.
+	 */
+	uint32_t *members;
+	const struct iec61850_node **nodes;
+	uint32_t *earlier;
 	uint32_t member_count;
 	struct iec61850_block *blocks; /* of all devices */
 	uint32_t block_count;
+	struct iec61850_block *enabled; /* those that are, the last one last: most never are */
+	/* Of each block. Hardly one has any, and memory that nobody has written to takes none. */
+	char (*ids)[IEC61850_RPT_ID_SIZE];
 	uint8_t *reasons;
 	size_t reason_count;
 	struct iec61850_place *places;
@@ -231,8 +235,8 @@ struct iec61850_object iec61850_object_of(const struct iec61850_model *model, ui
 enum iec61850_ctl_kind iec61850_ctl_model(const struct iec61850_model *model, uint32_t point);
 /* The report control block that a data object is; NULL: it is none. */
 struct iec61850_block *iec61850_block_of(const struct iec61850_device *device, uint32_t ln, uint32_t number);
-/* The object of a logical device's control block. */
-struct iec61850_object iec61850_block_object(const struct iec61850_device *device, uint32_t block);
+/* The object that a control block is. */
+struct iec61850_object iec61850_block_object(const struct iec61850_block *block);
 static inline const struct iec61850_set *iec61850_set_of(const struct iec61850_model *model,
 							 const struct iec61850_block *block)
 {
@@ -249,7 +253,17 @@ struct iec61850_object iec61850_member(const struct iec61850_model *model, const
 				       uint32_t member);
 /* The last member of the set that is of a point, and then those before it. IEC61850_NO_MEMBER: there is none. */
 uint32_t iec61850_last_member(const struct iec61850_model *model, uint32_t point, uint32_t set);
-uint32_t iec61850_member_before(const struct iec61850_model *model, uint32_t member);
+uint32_t iec61850_member_before(const struct iec61850_model *model, uint32_t member, uint32_t set);
+/* The one before it, of any set. */
+static inline uint32_t iec61850_earlier(const struct iec61850_model *model, uint32_t member)
+{
+	return model->earlier[member] - 1; /* 0: IEC61850_NO_MEMBER */
+}
+/* Whether a member of the model's is one of the set. */
+static inline bool iec61850_set_has(const struct iec61850_model *model, uint32_t set, uint32_t member)
+{
+	return member - model->sets[set].first < model->sets[set].count;
+}
 /* Adds a member to the set that was made last. */
 void iec61850_add_member(struct iec61850_model *model, uint32_t set, uint32_t member, uint32_t point,
 			 const struct iec61850_node *node);

@@ -133,8 +133,8 @@ static void make_places(struct iec61850_model *model)
 
 				model->places[model->points[device->lns[ln].first + j]] =
 				    (struct iec61850_place){.device = (uint16_t)i,
-							    .ln = ln,
-							    .number = number,
+							    .ln = (uint16_t)ln,
+							    .number = number & 0xffffff,
 							    .member = IEC61850_NO_MEMBER,
 							    .fc = measured ? IEC61850_MX : IEC61850_ST};
 			}
@@ -150,8 +150,11 @@ void iec61850_add_member(struct iec61850_model *model, uint32_t set, uint32_t me
 	object.node = node;
 	if (model->sets[set].count++ == 0)
 		model->sets[set].revision = MAP_HASH_BASIS;
-	model->members[member] =
-	    (struct iec61850_member){.point = point, .set = set, .next = place->member, .node = node};
+	model->members[member] = point;
+	if (model->nodes[member] != node)
+		model->nodes[member] = node;
+	if (model->earlier[member] != place->member + 1)
+		model->earlier[member] = place->member + 1;
 	place->member = member;
 	model->sets[set].revision = hash_member(model, &object, model->sets[set].revision);
 	if (model->sets[set].revision == 0)
@@ -163,11 +166,16 @@ void iec61850_clear_set(struct iec61850_model *model, uint32_t set)
 	struct iec61850_set *of = &model->sets[set];
 
 	for (uint32_t i = of->first; i < of->first + of->count; i++) {
-		uint32_t *at = &model->places[model->members[i].point].member;
+		struct iec61850_place *place = &model->places[model->members[i]];
+		uint32_t later = place->member;
 
-		while (*at != i)
-			at = &model->members[*at].next;
-		*at = model->members[i].next;
+		if (later == i) {
+			place->member = iec61850_earlier(model, i);
+			continue;
+		}
+		while (iec61850_earlier(model, later) != i)
+			later = iec61850_earlier(model, later);
+		model->earlier[later] = model->earlier[i];
 	}
 	of->count = 0;
 }
@@ -212,11 +220,13 @@ static void add_blocks(struct iec61850_model *model, struct iec61850_device *dev
 	const uint32_t ln = ln_called(device, model->sets[set].ln);
 
 	for (unsigned i = 0; i < report->instances; i++) {
+		char *const id = model->ids[model->block_count];
 		struct iec61850_block *block = &model->blocks[model->block_count++];
 
 		if (device->lns[ln].block_count++ == 0)
 			device->lns[ln].first_block = device->block_count;
-		*block = (struct iec61850_block){.ln = ln,
+		*block = (struct iec61850_block){.device = device,
+						 .ln = ln,
 						 .name = report->name,
 						 .index = (uint8_t)(i + 1),
 						 .buffered = report->buffered,
@@ -226,8 +236,10 @@ static void add_blocks(struct iec61850_model *model, struct iec61850_device *dev
 						 .options = report->options,
 						 .buffer_ms = report->buffer_ms,
 						 .integrity_ms = report->integrity_ms,
+						 .id = id,
 						 .reasons = model->reasons + model->reason_count};
-		snprintf(block->id, sizeof(block->id), "%s", report->id);
+		if (report->id[0] != '\0')
+			snprintf(id, sizeof(*model->ids), "%s", report->id);
 		if (report->buffered)
 			block->kept_number = (*kept)++;
 		model->reason_count += room_for(model, report, set);
@@ -416,7 +428,7 @@ static bool allocate_sets(struct iec61850_model *model)
 {
 	const struct map_config *config = model->config;
 	const uint32_t chosen = map_record_count(config, IEC61850_DATA_SETS);
-	size_t blocks = (size_t)model->device_count * 2 * DEFAULT_SETS * BLOCKS_A_SET;
+	size_t members, blocks = (size_t)model->device_count * 2 * DEFAULT_SETS * BLOCKS_A_SET;
 	/* A point is a member of one default data set at most. */
 	size_t reasons = (size_t)config->point_count * 2 * BLOCKS_A_SET + blocks / 2 * IEC61850_LIST_MEMBERS;
 
@@ -429,12 +441,16 @@ static bool allocate_sets(struct iec61850_model *model)
 	}
 	model->sets = calloc((size_t)model->device_count * DEFAULT_SETS + chosen + IEC61850_LISTS,
 			     sizeof(*model->sets));
-	model->members = calloc((size_t)config->point_count + map_record_count(config, IEC61850_MEMBERS) +
-				    (size_t)IEC61850_LISTS * IEC61850_LIST_MEMBERS,
-				sizeof(*model->members));
+	members = (size_t)config->point_count + map_record_count(config, IEC61850_MEMBERS) +
+		  (size_t)IEC61850_LISTS * IEC61850_LIST_MEMBERS;
+	model->members = calloc(members, sizeof(*model->members));
+	model->nodes = calloc(members, sizeof(*model->nodes));
+	model->earlier = calloc(members, sizeof(*model->earlier));
 	model->blocks = calloc(blocks + 1, sizeof(*model->blocks));
+	model->ids = calloc(blocks + 1, sizeof(*model->ids));
 	model->reasons = calloc(reasons + 1, 1);
-	return model->sets != NULL && model->members != NULL && model->blocks != NULL &&
+	return model->sets != NULL && model->members != NULL && model->nodes != NULL &&
+	       model->earlier != NULL && model->blocks != NULL && model->ids != NULL &&
 	       model->reasons != NULL;
 }
 
@@ -484,7 +500,10 @@ void iec61850_model_end(struct iec61850_model *model)
 	free(model->devices);
 	free(model->sets);
 	free(model->members);
+	free(model->nodes);
+	free(model->earlier);
 	free(model->blocks);
+	free(model->ids);
 	free(model->reasons);
 	free(model->places);
 	free(model->image);

@@ -184,7 +184,7 @@ enum iec61850_error iec61850_name_list(struct iec61850_server *server, const str
 				       struct ber_writer *writer)
 {
 	const size_t end = writer->at, room = end - writer->floor;
-	struct list list = {.octets = server->names, .limit = room > FRAME ? room - FRAME : 0};
+	struct list list = {.octets = iec61850_room(writer), .limit = room > FRAME ? room - FRAME : 0};
 	struct ber_element class, number, scope, after;
 	enum iec61850_error error;
 	int64_t value;

@@ -153,13 +153,14 @@ static enum iec61850_error write_control(struct iec61850_server *server, const s
 	return IEC61850_NO_ERROR;
 }
 
-/* The answers are written from the first on, since later writes may build on earlier ones: into the names, then as a whole. */
+/* The answers are written from the first on, since later writes may build on earlier ones: into the room, then as a whole. */
 enum iec61850_error iec61850_write(struct iec61850_server *server, const struct ber_element *request,
 				   struct ber_writer *writer)
 {
 	const size_t end = writer->at;
 	struct ber_reader reader = ber_inside(request);
 	struct ber_element list, data;
+	uint8_t *answers = iec61850_room(writer);
 	struct iec61850_object object;
 	size_t size = 0;
 	int count;
@@ -179,10 +180,10 @@ enum iec61850_error iec61850_write(struct iec61850_server *server, const struct 
 		if (!ber_next(&reader, &data) || end - writer->floor < size + sizeof(octets))
 			return IEC61850_INVALID_REQUEST;
 		write_one(server, &server->variables[i], &data, &one);
-		memcpy(server->names + size, octets + one.at, sizeof(octets) - one.at);
+		memcpy(answers + size, octets + one.at, sizeof(octets) - one.at);
 		size += sizeof(octets) - one.at;
 	}
-	ber_put_octets(writer, server->names, size);
+	ber_put_octets(writer, answers, size);
 	ber_close(writer, 0xa5, end);
 	return IEC61850_NO_ERROR;
 }

@@ -49,11 +49,12 @@ static void mark_point(const struct iec61850_model *model, uint32_t point, unsig
 {
 	const struct iec61850_device *device = &model->devices[model->places[point].device];
 
-	for (uint32_t i = model->places[point].member; i != IEC61850_NO_MEMBER; i = model->members[i].next)
+	for (uint32_t i = model->places[point].member; i != IEC61850_NO_MEMBER;
+	     i = iec61850_earlier(model, i))
 		for (uint32_t j = 0; j < device->block_count; j++)
-			if (!device->blocks[j].buffered && device->blocks[j].set == model->members[i].set)
-				mark(&device->blocks[j], i - model->sets[model->members[i].set].first,
-				     reason & reasons_of(model->members[i].node), now_ns);
+			if (!device->blocks[j].buffered && iec61850_set_has(model, device->blocks[j].set, i))
+				mark(&device->blocks[j], i - model->sets[device->blocks[j].set].first,
+				     reason & reasons_of(model->nodes[i]), now_ns);
 }
 
 /* Why a sample is told; 0: it is not. A counter's detail is the number of its freeze, which clients do not see. */
@@ -144,6 +145,13 @@ static uint32_t numbering(const struct iec61850_model *model)
 	return hash;
 }
 
+/* Does not touch what is as it should be. */
+static void copy_id(char to[IEC61850_RPT_ID_SIZE], const char from[IEC61850_RPT_ID_SIZE])
+{
+	if (strcmp(to, from) != 0)
+		memcpy(to, from, IEC61850_RPT_ID_SIZE);
+}
+
 static void save_block(const struct iec61850_block *block)
 {
 	struct iec61850_kept_block *kept = block->kept;
@@ -152,7 +160,7 @@ static void save_block(const struct iec61850_block *block)
 	kept->options = block->options;
 	kept->buffer_ms = block->buffer_ms;
 	kept->integrity_ms = block->integrity_ms;
-	memcpy(kept->id, block->id, sizeof(kept->id));
+	copy_id(kept->id, block->id);
 }
 
 static void load_block(struct iec61850_block *block, struct map_history_reader *reader)
@@ -162,14 +170,14 @@ static void load_block(struct iec61850_block *block, struct map_history_reader *
 	block->kept = kept;
 	block->reader = reader;
 	kept->reserved_s = 0; /* for whom, only the former process knew */
+	kept->id[sizeof(kept->id) - 1] = '\0';
 	if (!reader->used)
 		save_block(block);
 	block->triggers = kept->triggers & IEC61850_TRIGGERS; /* it may be of a file */
 	block->options = kept->options & IEC61850_ALL_OPTIONS;
 	block->buffer_ms = kept->buffer_ms;
 	block->integrity_ms = kept->integrity_ms;
-	kept->id[sizeof(kept->id) - 1] = '\0';
-	memcpy(block->id, kept->id, sizeof(block->id));
+	copy_id(block->id, kept->id);
 }
 
 /*
@@ -229,10 +237,24 @@ void iec61850_report_begin(struct iec61850_server *server, void *section, struct
 
 /* ---- control blocks ---------------------------------------------------------------------- */
 
-static void enable(const struct iec61850_model *model, struct iec61850_block *block, bool on, int64_t now_ns)
+static void set_enabled(struct iec61850_model *model, struct iec61850_block *block, bool on)
+{
+	struct iec61850_block **at = &model->enabled;
+
+	if (block->enabled == on)
+		return;
+	while (*at != (on ? NULL : block))
+		at = &(*at)->next_enabled;
+	if (on)
+		block->next_enabled = NULL;
+	*at = on ? block : block->next_enabled;
+	block->enabled = on;
+}
+
+static void enable(struct iec61850_model *model, struct iec61850_block *block, bool on, int64_t now_ns)
 {
 	memset(block->reasons, 0, iec61850_set_of(model, block)->count);
-	block->enabled = on;
+	set_enabled(model, block, on);
 	block->due_ns = 0;
 	block->number = 0;
 	block->segment = 0;
@@ -408,12 +430,15 @@ static int write_kept(struct iec61850_server *server, const struct iec61850_obje
 		      const struct ber_element *data, struct iec61850_block *block)
 {
 	const struct iec61850_block before = *block;
-	const int error = write_attribute(server, object, data, block);
+	char id[IEC61850_RPT_ID_SIZE];
+	int error;
 
+	memcpy(id, block->id, sizeof(id));
+	error = write_attribute(server, object, data, block);
 	if (block->kept == NULL || error != 0)
 		return error;
 	if (before.triggers != block->triggers || before.buffer_ms != block->buffer_ms ||
-	    before.integrity_ms != block->integrity_ms || strcmp(before.id, block->id) != 0)
+	    before.integrity_ms != block->integrity_ms || strcmp(id, block->id) != 0)
 		purge(server, block);
 	save_block(block);
 	return 0;
@@ -495,7 +520,8 @@ void iec61850_blocks_release(struct iec61850_server *server, const void *client)
 
 		if (block->owner == client) {
 			block->owner = NULL;
-			block->enabled = block->reserved = false;
+			block->reserved = false;
+			set_enabled(&server->model, block, false);
 			if (block->kept != NULL && block->kept->reserved_s > 0)
 				block->reserved_ns = server->now_ns + block->kept->reserved_s * NS_PER_S;
 		}
@@ -548,7 +574,7 @@ static uint32_t choose(struct iec61850_server *server, const struct iec61850_blo
 static unsigned reason_told(const struct iec61850_server *server, const struct iec61850_block *block,
 			    const struct map_history_entry *entry, uint32_t member)
 {
-	return entry->reason & block->triggers & reasons_of(server->model.members[member].node);
+	return entry->reason & block->triggers & reasons_of(server->model.nodes[member]);
 }
 
 /* Why a member of the block's set is in the report. */
@@ -580,6 +606,7 @@ static void put_members(struct iec61850_server *server, struct ber_writer *write
 {
 	const struct iec61850_set *set = iec61850_set_of(&server->model, block);
 	const size_t octets = (set->count + 7) / 8;
+	uint8_t *included = iec61850_room(writer);
 
 	for (uint32_t i = count; (block->options & IEC61850_REASON) && i-- > 0;)
 		iec61850_put_bits(writer, (uint16_t)(reason_now(server, block, server->chosen[i]) << 8), 6);
@@ -599,11 +626,11 @@ static void put_members(struct iec61850_server *server, struct ber_writer *write
 		writer->full = true;
 		return;
 	}
-	memset(server->names, 0, octets + 1);
-	server->names[0] = (uint8_t)(8 * octets - set->count);
+	memset(included, 0, octets + 1);
+	included[0] = (uint8_t)(8 * octets - set->count);
 	for (uint32_t i = 0; i < count; i++)
-		server->names[1 + server->chosen[i] / 8] |= (uint8_t)(0x80 >> server->chosen[i] % 8);
-	ber_put(writer, IEC61850_TAG_BIT_STRING, server->names, octets + 1);
+		included[1 + server->chosen[i] / 8] |= (uint8_t)(0x80 >> server->chosen[i] % 8);
+	ber_put(writer, IEC61850_TAG_BIT_STRING, included, octets + 1);
 }
 
 /* Of an entry it is when it happened. */
@@ -712,7 +739,7 @@ static uint32_t choose_told(struct iec61850_server *server, const struct iec6185
 	if (entry->point >= model->config->point_count)
 		return 0;
 	for (uint32_t i = iec61850_last_member(model, entry->point, block->set); i != IEC61850_NO_MEMBER;
-	     i = iec61850_member_before(model, i))
+	     i = iec61850_member_before(model, i, block->set))
 		if (reason_told(server, block, entry, i) != 0)
 			server->chosen[count++] = i - model->sets[block->set].first;
 	for (uint32_t i = 0; i < count / 2; i++) { /* the last came first */
@@ -778,11 +805,9 @@ static bool is_due(struct iec61850_server *server, struct iec61850_block *block)
 }
 
 /* The next report of a block of server->client. */
-static bool put_next(struct iec61850_server *server, struct ber_writer *writer,
-		     const struct iec61850_device *device, uint32_t number)
+static bool put_next(struct iec61850_server *server, struct ber_writer *writer, struct iec61850_block *block)
 {
-	const struct iec61850_object object = iec61850_block_object(device, number);
-	struct iec61850_block *block = &device->blocks[number];
+	const struct iec61850_object object = iec61850_block_object(block);
 
 	/* What is kept comes before what is asked for now, which is newer. */
 	if (block->kept != NULL && put_kept(server, writer, &object, block))
@@ -792,13 +817,13 @@ static bool put_next(struct iec61850_server *server, struct ber_writer *writer,
 
 bool iec61850_report_put(struct iec61850_server *server, struct ber_writer *writer)
 {
-	for (uint32_t i = 0; i < server->model.device_count; i++) {
-		const struct iec61850_device *device = &server->model.devices[i];
+	struct iec61850_block *next;
 
-		for (uint32_t j = 0; j < device->block_count; j++)
-			if (device->blocks[j].enabled && device->blocks[j].owner == server->client &&
-			    put_next(server, writer, device, j))
-				return true;
+	for (struct iec61850_block *block = server->model.enabled; block != NULL; block = next) {
+		next =
+		    block->next_enabled; /* a block whose report fits into no PDU is not enabled any more */
+		if (block->owner == server->client && put_next(server, writer, block))
+			return true;
 	}
 	return false;
 }
@@ -807,11 +832,8 @@ int64_t iec61850_report_due_ns(const struct iec61850_server *server)
 {
 	int64_t due_ns = INT64_MAX;
 
-	for (uint32_t i = 0; i < server->model.block_count; i++) {
-		const struct iec61850_block *block = &server->model.blocks[i];
-
-		if (!block->enabled)
-			continue;
+	for (const struct iec61850_block *block = server->model.enabled; block != NULL;
+	     block = block->next_enabled) {
 		if (block->kept != NULL && block->kept->next != server->model.buffer.next)
 			return 0;
 		if (block->due_ns != 0 && block->due_ns < due_ns)

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "iec61850/leaf.h"
 #include "iec61850/value.h"
 #include "map/address.h"
 
@@ -18,13 +19,13 @@
 
 /* ---- text -------------------------------------------------------------------------------- */
 
-/* A line, so deep in the tree. What it is made of needs no escaping, or has it. */
+/* A line, a space for each level that it is deep in the tree: clients get the file, and a third of it was spaces. What it is made of needs no escaping, or has it. */
 __attribute__((format(printf, 3, 4))) static void line(const struct iec61850_scl *scl, int depth,
 						       const char *format, ...)
 {
 	va_list arguments;
 
-	fprintf(scl->out, "%*s", 2 * depth, "");
+	fprintf(scl->out, "%*s", depth, "");
 	va_start(arguments, format);
 	vfprintf(scl->out, format, arguments);
 	va_end(arguments);
@@ -179,7 +180,7 @@ static void put_member(const struct iec61850_scl *scl, const struct iec61850_obj
 	char name[IEC61850_NAME_SIZE];
 
 	do_name(scl, object, name);
-	fprintf(scl->out, "%*s<FCDA ldInst=\"CA%u\"", 14, "", (unsigned)object->device->ca);
+	fprintf(scl->out, "%*s<FCDA ldInst=\"CA%u\"", 7, "", (unsigned)object->device->ca);
 	if (ln.prefix[0] != '\0')
 		fprintf(scl->out, " prefix=\"%s\"", ln.prefix);
 	fprintf(scl->out, " lnClass=\"%s\" lnInst=\"%s\" doName=\"%s\"", ln.class, ln.instance, name);
@@ -278,7 +279,7 @@ static void put_report(const struct iec61850_scl *scl, const struct iec61850_dev
 	const struct iec61850_set *set = iec61850_set_of(scl->model, block);
 	char id[TEXT_SIZE];
 
-	fprintf(scl->out, "%*s<ReportControl name=\"%s\"", 12, "", block->name);
+	fprintf(scl->out, "%*s<ReportControl name=\"%s\"", 6, "", block->name);
 	if (block->id[0] != '\0')
 		fprintf(scl->out, " rptID=\"%s\"", escaped(block->id, id));
 	fprintf(scl->out,
@@ -305,38 +306,25 @@ static void put_value(const struct iec61850_scl *scl, const char *attribute, con
 {
 	char safe[TEXT_SIZE];
 
-	line(scl, 7, "<DAI name=\"%s\">", attribute);
-	line(scl, 8, "<Val>%s</Val>", escaped(text, safe));
-	line(scl, 7, "</DAI>");
-}
-
-static void put_private(const struct iec61850_scl *scl, const struct iec61850_object *object, unsigned type)
-{
-	const struct map_point *point = &scl->model->config->points[iec61850_point_of(scl->model, object)];
-
-	line(scl, 9,
-	     "<Private type=\"IEC_60870_5_104\"><IEC_60870_5_104:Address casdu=\"%u\" ioa=\"%u\" "
-	     "ti=\"%u\"/></Private>",
-	     (unsigned)object->device->ca, point->ioa, type);
+	line(scl, 7, "<DAI name=\"%s\"><Val>%s</Val></DAI>", attribute, escaped(text, safe));
 }
 
 /* The address of a node, or of the first one in it. */
 static void put_addressed(const struct iec61850_scl *scl, const struct iec61850_object *object,
 			  const struct iec61850_node *node, unsigned type)
 {
-	const bool structure = node->count > 0;
+	const struct map_point *point = &scl->model->config->points[iec61850_point_of(scl->model, object)];
 
-	if (structure)
+	if (node->count > 0) {
 		line(scl, 7, "<SDI name=\"%s\">", node->name);
-	if (structure && node->children->count > 0) {
 		put_addressed(scl, object, node->children, type);
-	} else {
-		line(scl, 8, "<DAI name=\"%s\">", structure ? node->children->name : node->name);
-		put_private(scl, object, type);
-		line(scl, 8, "</DAI>");
-	}
-	if (structure)
 		line(scl, 7, "</SDI>");
+		return;
+	}
+	line(scl, 8,
+	     "<DAI name=\"%s\"><Private type=\"IEC_60870_5_104\"><IEC_60870_5_104:Address casdu=\"%u\" "
+	     "ioa=\"%u\" ti=\"%u\"/></Private></DAI>",
+	     node->name, (unsigned)object->device->ca, point->ioa, type);
 }
 
 static void put_addresses(const struct iec61850_scl *scl, struct iec61850_object object)
@@ -440,7 +428,7 @@ static void put_ln(const struct iec61850_scl *scl, const struct iec61850_device 
 	const struct ln_name ln = parts_of(&object);
 	const char *const element = number == IEC61850_LLN0 ? "LN0" : "LN";
 
-	fprintf(scl->out, "%*s<%s", 10, "", element);
+	fprintf(scl->out, "%*s<%s", 5, "", element);
 	if (ln.prefix[0] != '\0')
 		fprintf(scl->out, " prefix=\"%s\"", ln.prefix);
 	fprintf(scl->out, " lnClass=\"%s\" inst=\"%s\" lnType=\"", ln.class, ln.instance);
@@ -565,60 +553,6 @@ static void type_id(const struct iec61850_class *class, char out[ID_SIZE])
 		 class->has_unit ? "_units" : "");
 }
 
-/* The basic type of an attribute (IEC 61850-6, table 46). */
-static const char *basic_type(enum iec61850_leaf leaf)
-{
-	switch (leaf) {
-	case IEC61850_BOOLEAN:
-	case IEC61850_TRANSIENT:
-	case IEC61850_PERSISTENT:
-		return "BOOLEAN";
-	case IEC61850_DOUBLE:
-		return "Dbpos";
-	case IEC61850_ENUM:
-	case IEC61850_DIRECTION:
-	case IEC61850_CTL_MODEL:
-	case IEC61850_SI_UNIT:
-	case IEC61850_MULTIPLIER:
-		return "Enum";
-	case IEC61850_STEP:
-		return "INT8";
-	case IEC61850_INTEGER:
-		return "INT32";
-	case IEC61850_TOTAL:
-		return "INT64";
-	case IEC61850_DEADBAND:
-		return "INT32U";
-	case IEC61850_FLOAT:
-	case IEC61850_UNIT:
-	case IEC61850_DEADBAND_REF:
-	case IEC61850_LEAST:
-	case IEC61850_MOST:
-	case IEC61850_STEP_SIZE:
-		return "FLOAT32";
-	case IEC61850_QUALITY:
-		return "Quality";
-	case IEC61850_TIME:
-		return "Timestamp";
-	case IEC61850_DESCRIPTION:
-	case IEC61850_VENDOR:
-	case IEC61850_REVISION:
-	case IEC61850_CONFIGURATION:
-	case IEC61850_NAME_SPACE:
-		return "VisString255";
-	case IEC61850_SBO:
-		return "ObjRef";
-	case IEC61850_OR_IDENT:
-		return "Octet64";
-	case IEC61850_CTL_NUM:
-		return "INT8U";
-	case IEC61850_CHECK:
-		return "Check";
-	default:
-		return "Struct";
-	}
-}
-
 /* An attribute's enumeration. orCat is the other one but stVal. */
 static enum iec61850_enumeration enumeration_of(const struct iec61850_node *node,
 						const struct iec61850_class *class)
@@ -660,9 +594,10 @@ static void put_attribute(const struct iec61850_scl *scl, const char *element, c
 			  const struct iec61850_node *node, const struct iec61850_class *class,
 			  const char *in)
 {
-	const char *const basic = basic_type(node->leaf), *const constant = constant_of(node, class);
+	const char *const basic = iec61850_leaf_types[node->leaf].basic, *const constant =
+									     constant_of(node, class);
 
-	fprintf(scl->out, "      <%s name=\"%s\"%s bType=\"%s\"", element, node->name, more, basic);
+	fprintf(scl->out, "   <%s name=\"%s\"%s bType=\"%s\"", element, node->name, more, basic);
 	if (node->count > 0)
 		fprintf(scl->out, " type=\"%s_%s\"", in, node->name);
 	else if (strcmp(basic, "Enum") == 0)
@@ -758,7 +693,7 @@ static void put_ln_type(const struct iec61850_scl *scl, struct iec61850_object o
 	const struct ln_name ln = parts_of(&object);
 	char id[ID_SIZE], name[IEC61850_NAME_SIZE];
 
-	fputs("    <LNodeType id=\"", scl->out);
+	fputs("  <LNodeType id=\"", scl->out);
 	put_ln_type_name(scl, &object);
 	fprintf(scl->out, "\" lnClass=\"%s\">\n", ln.class);
 	for (; is_object(&object); object.number++) {

@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "iec61850/leaf.h"
 #include "iec61850/tags.h"
 #include "map/type.h"
 #include "quality/quality.h"
@@ -11,8 +12,7 @@
 /* Of TypeSpecification. */
 enum { COMPONENTS = 0xa1, COMPONENT_NAME = 0x80, COMPONENT_TYPE = 0xa1, FLOAT_TYPE = 0xa7 };
 
-#define DAYS_TO_1984   5113 /* from 1970: binary times count from there */
-#define TEXT_MAX       255
+#define DAYS_TO_1984   5113  /* from 1970: binary times count from there */
 #define NORMALIZED_ONE 32768 /* what a normalized value of 1 is in the map */
 #define EXPONENT_WIDTH 8     /* of a number of 32 bits after IEEE 754 */
 
@@ -27,7 +27,6 @@ struct state {
 	bool transient;
 	uint16_t quality;
 	uint8_t time[8];
-	char text[MAP_NAME_SIZE];
 	const struct iec61850_object *object; /* of which it is */
 	const struct iec61850_block *block;   /* NULL: it is no control block */
 };
@@ -152,7 +151,6 @@ static bool load(const struct iec61850_model *model, const struct iec61850_objec
 		out->number = 0;
 		return true;
 	}
-	iec61850_description(model, object, out->text);
 	if (point != MAP_NONE)
 		return load_point(model, point, out);
 	set_time(model, model->started_ns, out);
@@ -290,7 +288,7 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		     const struct iec61850_node *node, const struct state *state)
 {
 	const size_t end = writer->at;
-	char number[11], reference[IEC61850_REFERENCE_SIZE];
+	char number[11], reference[IEC61850_REFERENCE_SIZE], description[MAP_NAME_SIZE];
 
 	switch (node->leaf) {
 	case IEC61850_STRUCTURE:
@@ -354,7 +352,8 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		ber_put(writer, IEC61850_TAG_UTC_TIME, state->time, sizeof(state->time));
 		return;
 	case IEC61850_DESCRIPTION:
-		ber_put_text(writer, IEC61850_TAG_VISIBLE_STRING, state->text);
+		iec61850_description(model, state->object, description);
+		ber_put_text(writer, IEC61850_TAG_VISIBLE_STRING, description);
 		return;
 	case IEC61850_VENDOR:
 		ber_put_text(writer, IEC61850_TAG_VISIBLE_STRING, "OpenRTU");
@@ -543,109 +542,27 @@ static void put_nodes_type(struct ber_writer *writer, struct iec61850_nodes insi
 
 static void put_node_type(struct ber_writer *writer, const struct iec61850_node *node)
 {
+	const struct iec61850_leaf_type *type = &iec61850_leaf_types[node->leaf];
 	const size_t end = writer->at;
 
-	switch (node->leaf) {
-	case IEC61850_STRUCTURE:
-	case IEC61850_SBOW:
-	case IEC61850_OPER:
-	case IEC61850_CANCEL:
+	switch (type->tag) {
+	case IEC61850_TAG_STRUCTURE:
 		put_nodes_type(writer, (struct iec61850_nodes){node->children, node->count});
 		return;
-	case IEC61850_BOOLEAN:
-		ber_put(writer, IEC61850_TAG_BOOLEAN, NULL, 0);
-		return;
-	case IEC61850_DOUBLE:
-		ber_put_integer(writer, IEC61850_TAG_BIT_STRING, 2);
-		return;
-	case IEC61850_ENUM:
-	case IEC61850_STEP:
-	case IEC61850_DIRECTION:
-	case IEC61850_CTL_MODEL:
-	case IEC61850_SI_UNIT:
-	case IEC61850_MULTIPLIER:
-		ber_put_integer(writer, IEC61850_TAG_INTEGER, 8);
-		return;
-	case IEC61850_INTEGER:
-		ber_put_integer(writer, IEC61850_TAG_INTEGER, 32);
-		return;
-	case IEC61850_TOTAL:
-		ber_put_integer(writer, IEC61850_TAG_INTEGER, 64);
-		return;
-	case IEC61850_FLOAT:
-	case IEC61850_UNIT:
-	case IEC61850_DEADBAND_REF:
-	case IEC61850_LEAST:
-	case IEC61850_MOST:
-	case IEC61850_STEP_SIZE:
+	case IEC61850_TAG_FLOATING_POINT:
 		ber_put_integer(writer, BER_INTEGER, EXPONENT_WIDTH);
-		ber_put_integer(writer, BER_INTEGER, 32);
+		ber_put_integer(writer, BER_INTEGER, type->size);
 		ber_close(writer, FLOAT_TYPE, end);
 		return;
-	case IEC61850_QUALITY:
-		ber_put_integer(writer, IEC61850_TAG_BIT_STRING,
-				-QUALITY_BITS); /* below 0: at most so many */
+	case IEC61850_TAG_BINARY_TIME:
+		ber_put(writer, type->tag, (const uint8_t[]){1}, 1); /* with the date */
 		return;
-	case IEC61850_TIME:
-		ber_put(writer, IEC61850_TAG_UTC_TIME, NULL, 0);
+	case IEC61850_TAG_BOOLEAN:
+	case IEC61850_TAG_UTC_TIME:
+		ber_put(writer, type->tag, NULL, 0);
 		return;
-	case IEC61850_DESCRIPTION:
-	case IEC61850_VENDOR:
-	case IEC61850_REVISION:
-	case IEC61850_CONFIGURATION:
-	case IEC61850_NAME_SPACE:
-		ber_put_integer(writer, IEC61850_TAG_VISIBLE_STRING, -TEXT_MAX);
-		return;
-	case IEC61850_OR_IDENT:
-	case IEC61850_OWNER:
-		ber_put_integer(writer, IEC61850_TAG_OCTET_STRING, -IEC61850_OR_IDENT_SIZE);
-		return;
-	case IEC61850_CTL_NUM:
-		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, 8);
-		return;
-	case IEC61850_CHECK:
-		ber_put_integer(writer, IEC61850_TAG_BIT_STRING, -2);
-		return;
-	case IEC61850_SBO:
-	case IEC61850_RPT_ID:
-	case IEC61850_DAT_SET:
-		ber_put_integer(writer, IEC61850_TAG_VISIBLE_STRING, -(IEC61850_RPT_ID_SIZE - 1));
-		return;
-	case IEC61850_TRANSIENT:
-	case IEC61850_PERSISTENT:
-	case IEC61850_RPT_ENA:
-	case IEC61850_RESV:
-	case IEC61850_GI:
-	case IEC61850_PURGE_BUF:
-		ber_put(writer, IEC61850_TAG_BOOLEAN, NULL, 0);
-		return;
-	case IEC61850_CONF_REV:
-	case IEC61850_BUF_TM:
-	case IEC61850_INTG_PD:
-	case IEC61850_DEADBAND:
-		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, 32);
-		return;
-	case IEC61850_LONG_SQ_NUM:
-		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, 16);
-		return;
-	case IEC61850_RESV_TMS:
-		ber_put_integer(writer, IEC61850_TAG_INTEGER, 16);
-		return;
-	case IEC61850_ENTRY_ID:
-		ber_put_integer(writer, IEC61850_TAG_OCTET_STRING, IEC61850_ENTRY_ID_OCTETS);
-		return;
-	case IEC61850_TIME_OF_ENTRY:
-		ber_put(writer, IEC61850_TAG_BINARY_TIME, (const uint8_t[]){1}, 1);
-		return;
-	case IEC61850_SQ_NUM:
-		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, 8);
-		return;
-	case IEC61850_OPT_FLDS:
-		ber_put_integer(writer, IEC61850_TAG_BIT_STRING, -10);
-		return;
-	case IEC61850_TRG_OPS:
-		ber_put_integer(writer, IEC61850_TAG_BIT_STRING, -6);
-		return;
+	default:
+		ber_put_integer(writer, type->tag, type->size);
 	}
 }
 

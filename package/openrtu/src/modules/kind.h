@@ -81,6 +81,12 @@ struct kind {
 	 * once, a process that takes another's place begins when that has ended. Left out: nothing.
 	 */
 	int (*open)(const struct map_config *config);
+	/*
+	 * Writes a file about the configuration that the module hands out: in the new process, with the module's rights, so that
+	 * what writes it is no part of a program that faces the network. The module gets it as --file. -1 with errno: the
+	 * module does without. Left out: nothing.
+	 */
+	int (*describe)(const struct map_config *config);
 };
 
 /* ---- what several kinds do alike --------------------------------------------------------- */

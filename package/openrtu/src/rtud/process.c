@@ -126,9 +126,11 @@ static const char *name_of(const struct process_plan *plan)
 	return plan->path ? plan->path : plan->program->name;
 }
 
-#define ARGUMENTS_MAX 11
+#define ARGUMENTS_MAX 13
+#define NUMBER_SIZE   12
 
-static void put_arguments(const struct process_plan *plan, const char *out[ARGUMENTS_MAX + 1])
+static void put_arguments(const struct process_plan *plan, const char file[NUMBER_SIZE],
+			  const char *out[ARGUMENTS_MAX + 1])
 {
 	const char *const first[] = {name_of(plan), "--map", plan->map, "--module",
 				     plan->module,  "--dev", plan->dev};
@@ -143,13 +145,28 @@ static void put_arguments(const struct process_plan *plan, const char *out[ARGUM
 		out[count++] = "--socket";
 		out[count++] = SOCKET_WORD;
 	}
+	if (file[0] != '\0') {
+		out[count++] = "--file";
+		out[count++] = file;
+	}
 	out[count] = NULL;
+}
+
+/* The number of the file's descriptor; empty: there is none. Without it the module says so. */
+static void put_file(const struct process_plan *plan, char out[NUMBER_SIZE])
+{
+	const int file = plan->describe ? plan->describe(plan->config) : -1;
+
+	out[0] = '\0';
+	if (file >= 0)
+		snprintf(out, NUMBER_SIZE, "%d", file);
 }
 
 __attribute__((noreturn)) static void run(const struct process_plan *plan, int program, pid_t parent)
 {
 	const char *arguments[ARGUMENTS_MAX + 1];
 	const char *const environment[] = {"PATH=/usr/bin:/bin", NULL};
+	char file[NUMBER_SIZE];
 	int filter = plan->filtered ? filter_open(plan->program) : -1;
 	int opened = plan->open ? plan->open(plan->config) : -1;
 
@@ -157,7 +174,6 @@ __attribute__((noreturn)) static void run(const struct process_plan *plan, int p
 		give_up("make the filter of", name_of(plan));
 	if (plan->open && opened < 0)
 		give_up("open the socket of", plan->module);
-	put_arguments(plan, arguments);
 	reset_signals();
 	keep_only(plan->segment, filter, opened, program);
 	process_set_priority(0, 0);
@@ -171,6 +187,8 @@ __attribute__((noreturn)) static void run(const struct process_plan *plan, int p
 	prctl(PR_SET_PDEATHSIG, SIGKILL);
 	if (getppid() != parent)
 		_exit(EXIT_NOT_STARTED);
+	put_file(plan, file);
+	put_arguments(plan, file, arguments);
 	if (plan->path)
 		execve(plan->path, (char *const *)arguments, (char *const *)environment);
 	else

@@ -23,14 +23,15 @@ struct process_plan {
 	size_t memory;      /* bytes of address space it may have at most; 0: unlimited */
 	unsigned files;     /* descriptors */
 	unsigned processes; /* and threads that its user may have; 0: as many as the caller's */
-	int (*open)(const struct map_config *config); /* struct kind; NULL: nothing */
+	int (*open)(const struct map_config *config);     /* struct kind; NULL: nothing */
+	int (*describe)(const struct map_config *config); /* struct kind; NULL: nothing */
 	const struct map_config *config;
 	bool filtered; /* gets the filter of system calls of its program */
 };
 
 /*
- * Forks and executes `folder/program --map M --module N --dev D [--filter F] [--socket S]`. The child dies with its parent, has no
- * descriptors but the standard ones, its segment at MAP_SEGMENT_FD, its filter and its socket, may lock its memory, writes no core, can
+ * Forks and executes `folder/program --map M --module N --dev D [--filter F] [--socket S] [--file N]`. The child dies with its parent, has no
+ * descriptors but the standard ones, its segment at MAP_SEGMENT_FD, its filter, its socket and its file, may lock its memory, writes no core, can
  * gain no privilege, and as a user of its own has none. It starts with ordinary scheduling: on this core a program's start takes longer than another line process'
  * heartbeat may. Returns its pid, or -1 with errno.
  * A path's program is executed by that path, so that a script's interpreter finds it: its user must be able to walk there.

@@ -62,6 +62,7 @@ pid_t start_process(const struct supervisor *supervisor, const struct map *map, 
 	    .memory = OPENRTU_SANITIZED ? 0 : MEMORY_BASE + MEMORY_FACTOR * map_size(map),
 	    .files = FILES_BASE + modbus_port_count(map_config(map)),
 	    .open = kinds_find(module->kind)->open,
+	    .describe = kinds_find(module->kind)->describe,
 	    .config = map_config(map),
 	    .filtered = supervisor->filtered && run.program != NULL,
 	};

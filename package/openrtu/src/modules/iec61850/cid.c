@@ -2,7 +2,10 @@
 #include "modules/iec61850/cid.h"
 
 #include <ctype.h>
+#include <fcntl.h>
 #include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
 
 #include "goose/config.h"
 #include "iec104/asdu.h"
@@ -116,4 +119,30 @@ void cid_write(FILE *out, const struct iec61850_model *model, bool configured, F
 					 .goose_count = take_publications(model, goose, said)};
 
 	iec61850_scl_write(&scl);
+}
+
+static bool write_all(int fd, const struct iec61850_model *model)
+{
+	FILE *out = fdopen(dup(fd), "w");
+	bool good;
+
+	if (out == NULL)
+		return false;
+	cid_write(out, model, true, NULL);
+	good = ferror(out) == 0;
+	return fclose(out) == 0 && good;
+}
+
+int cid_file(const struct map_config *config)
+{
+	const int fd = memfd_create("scl", MFD_ALLOW_SEALING);
+	struct iec61850_model model;
+
+	/* The process executes a module next: what the model takes ends with it. */
+	if (fd >= 0 && iec61850_model_of(&model, config) && write_all(fd, &model) &&
+	    fcntl(fd, F_ADD_SEALS, F_SEAL_WRITE | F_SEAL_GROW | F_SEAL_SHRINK | F_SEAL_SEAL) == 0)
+		return fd;
+	if (fd >= 0)
+		close(fd);
+	return -1;
 }

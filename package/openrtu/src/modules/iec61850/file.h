@@ -6,9 +6,9 @@
 #include "iec61850/mms.h"
 
 /*
- * Writes it, before clients have changed anything: memory of the kernel, of which the process maps no more than is read.
- * Without it, which is logged, there is no file.
+ * Takes the file that rtud has written, from its descriptor: memory of the kernel, of which the process maps no more than is
+ * read. Without it, which is logged, there is no file.
  */
-void file_make(struct iec61850_server *server, struct map *map);
+void file_take(struct iec61850_server *server, struct map *map, int fd);
 
 #endif

@@ -7,6 +7,7 @@
 #include "iec61850/config_part.h"
 #include "iec61850/kept.h"
 #include "modules/calls.h"
+#include "modules/iec61850/cid.h"
 #include "modules/kind.h"
 
 #define USER     17 /* behind rtu-snmp, before those of others */
@@ -95,6 +96,9 @@ const struct kind iec61850_kind = {
     .program_count = sizeof(programs) / sizeof(programs[0]),
     .choose = choose,
     .open = open_socket,
+#if OPENRTU_IEC61850
+    .describe = cid_file,
+#endif
     .same = same,
     .change = kind_starts_again, /* its clients browse anew */
     .by_numbers = true, /* clients have browsed the points, and have to do so anew when they are others */

@@ -5,6 +5,7 @@
  */
 #include <errno.h>
 #include <inttypes.h>
+#include <malloc.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <poll.h>
@@ -24,6 +25,7 @@
 #include "modules/module.h"
 
 #define IDLE_MS            250
+#define PIECE_SIZE         (32 * 1024)
 #define CONNECTIONS_A_TURN 16
 #define EVENTS_A_TURN      256
 #define STUCK_MS           10 /* a report that is due waits for its client to read */
@@ -318,14 +320,13 @@ static const char *peer_of(const void *association)
 	return "";
 }
 
-static void show_block(struct iec61850_shown *shown, const struct iec61850_device *device, uint32_t number)
+static void show_block(struct iec61850_shown *shown, const struct iec61850_block *block)
 {
-	const struct iec61850_object object = iec61850_block_object(device, number);
-	const struct iec61850_block *block = &device->blocks[number];
+	const struct iec61850_object object = iec61850_block_object(block);
 	struct iec61850_shown_block *out = &shown->blocks[shown->block_count++];
 	char ld[IEC61850_NAME_SIZE], name[IEC61850_NAME_SIZE];
 
-	iec61850_device_name(&server.model, device, ld);
+	iec61850_device_name(&server.model, block->device, ld);
 	iec61850_object_name(&server.model, &object, name);
 	snprintf(out->name, sizeof(out->name), "%.45s/%.45s", ld, name);
 	snprintf(out->peer, sizeof(out->peer), "%s", peer_of(block->owner));
@@ -336,12 +337,9 @@ static void show_block(struct iec61850_shown *shown, const struct iec61850_devic
 static void show_blocks(struct iec61850_shown *shown)
 {
 	shown->block_count = 0;
-	for (uint32_t i = 0; i < server.model.device_count; i++)
-		for (uint32_t j = 0;
-		     j < server.model.devices[i].block_count && shown->block_count < IEC61850_SHOWN_BLOCKS;
-		     j++)
-			if (server.model.devices[i].blocks[j].owner != NULL)
-				show_block(shown, &server.model.devices[i], j);
+	for (uint32_t i = 0; i < server.model.block_count && shown->block_count < IEC61850_SHOWN_BLOCKS; i++)
+		if (server.model.blocks[i].owner != NULL)
+			show_block(shown, &server.model.blocks[i]);
 }
 
 static void show_associations(struct iec61850_shown *shown)
@@ -362,18 +360,25 @@ static void show_associations(struct iec61850_shown *shown)
 	}
 }
 
-/* Not for each message: people look now and then. */
-static void show(int64_t now_ns)
+static void show(void)
 {
-	static int64_t shown_ns;
 	const uint32_t next = 1 - (atomic_load(&server.stats->which) & 1u);
 
-	if (now_ns - shown_ns < IDLE_MS * NS_PER_MS)
-		return;
-	shown_ns = now_ns;
 	show_associations(&server.stats->shown[next]);
 	show_blocks(&server.stats->shown[next]);
 	atomic_store(&server.stats->which, next);
+}
+
+/* Not for each message: reservations last seconds, and people look now and then. */
+static void do_what_has_time(int64_t now_ns)
+{
+	static int64_t done_ns;
+
+	if (now_ns - done_ns < IDLE_MS * NS_PER_MS)
+		return;
+	done_ns = now_ns;
+	iec61850_blocks_tick(&server);
+	show();
 }
 
 /* ---- the loop ---------------------------------------------------------------------------- */
@@ -449,17 +454,19 @@ static void run(int stop, int listener)
 		wait(waits, count);
 		now_ns = server.now_ns = map_begin_cycle(map);
 		map_heartbeat(map);
-		map_bell_clear(map);
+		if (waits[BELL].revents & POLLIN)
+			map_bell_clear(map);
+		else
+			map_bell_clear_if_taken(map);
 		channel_watch(now_ns);
 		take_answers();
 		iec61850_controls_tick(&server);
-		iec61850_blocks_tick(&server);
 		take_events(now_ns);
 		serve_all(waits + CONNECTIONS, count, now_ns);
 		for (int i = 0; (waits[LISTENER].revents & POLLIN) && i < CONNECTIONS_A_TURN; i++)
 			if (!accept_one(listener, now_ns))
 				break;
-		show(now_ns);
+		do_what_has_time(now_ns);
 	}
 }
 
@@ -491,18 +498,17 @@ static uint32_t start_number(void)
 	return (uint32_t)(map_wall_ns(map_clock_read(map), map_now_ns()) / NS_PER_MS);
 }
 
-static bool start(void)
+static bool start(int file)
 {
 	const struct iec61850_settings *settings = iec61850_settings(map_config(map));
 	bool begun = iec61850_model_begin(&server.model, map);
 
 	server.map = map;
 	scratch = malloc(IEC61850_MESSAGE_SIZE(settings->max_pdu));
-	server.names = malloc(settings->max_pdu);
 	server.chosen = calloc(server.model.longest_set, sizeof(*server.chosen));
 	begun = begin_connections(settings->associations, settings->max_pdu) && begun;
-	if (begun && scratch != NULL && server.names != NULL && server.chosen != NULL) {
-		file_make(&server, map);
+	if (begun && scratch != NULL && server.chosen != NULL) {
+		file_take(&server, map, file);
 		map_cursor_to_end(map, &cursor);
 		iec61850_report_begin(&server, server.stats, &cursor, start_number());
 		return true;
@@ -538,6 +544,9 @@ int main(int argc, char **argv)
 	struct options options;
 	int stop;
 
+	/* What is large is pages of its own, which take no memory until they are written to. */
+	mallopt(M_MMAP_THRESHOLD, PIECE_SIZE);
+	mallopt(M_TOP_PAD, 0);
 	map = module_begin(argc, argv, &options);
 	if (iec61850_settings(map_config(map)) != NULL)
 		server.stats = map_section(map, map_self(map), iec61850_section_size(map_config(map)));
@@ -547,7 +556,8 @@ int main(int argc, char **argv)
 	stop = module_stop_fd();
 	channels.tls = &iec61850_settings(map_config(map))->tls;
 	channels.refused = &server.stats->counters[IEC61850_COUNT_HANDSHAKES_REFUSED];
-	if (stop < 0 || !start() || !channel_start(&channels) || !module_confine(map, &options, 0))
+	if (stop < 0 || !start(options.file_fd) || !channel_start(&channels) ||
+	    !module_confine(map, &options, 0))
 		return MODULE_FAILED;
 	map_log(map, MAP_LOG_INFO, "listening on %s port %u", server.model.settings->address,
 		(unsigned)server.model.settings->port);
