@@ -33,8 +33,12 @@ TARGETS = {  # by the name of its corpus: the program
     "requests": "map/fuzz_requests",
     "snmp": "modules/fuzz_snmp",
     "web": "web/fuzz_web",
+    "ber": "ber/fuzz_ber",
+    "mms-acse": "iec61850/fuzz_acse",
     "mms-association": "iec61850/fuzz_association",
+    "mms-presentation": "iec61850/fuzz_presentation",
     "mms-service": "iec61850/fuzz_mms_service",
+    "mms-session": "iec61850/fuzz_session",
     "mms-transport": "iec61850/fuzz_transport",
 }
 INPUT_MAX = 4096

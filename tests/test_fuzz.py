@@ -27,12 +27,16 @@ RUNS = {
     "requests": 12_000,
     "snmp": 4_000,
     "web": 100_000,
+    "ber": 150_000,
+    "mms-acse": 400_000,
     "mms-association": 40_000,
-    "mms-service": 60_000,
+    "mms-presentation": 300_000,
+    "mms-service": 30_000,
+    "mms-session": 400_000,
     "mms-transport": 20_000,
 }
 SEED_SIZE_MAX = 1024
-SEEDS_MAX = 160
+SEEDS_MAX = 224
 
 
 @pytest.mark.slow

@@ -455,6 +455,18 @@ def test_a_message_may_come_octet_by_octet(site: Site) -> None:
         assert client.mms()[0] == mms.RESPONSE
 
 
+def test_an_association_may_come_octet_by_octet(site: Site) -> None:
+    client = site.client()
+    with client.socket:
+        for octet in mms.CONNECT_TRANSPORT:
+            client.send(bytes([octet]))
+        assert client.packet()[5] == 0xD0
+        for octet in mms.tpkt(mms.associate(mms.initiate())):
+            client.send(bytes([octet]))
+        assert client.message()[0] == 14
+        assert client.names(9)
+
+
 def test_requests_may_be_piped(site: Site) -> None:
     """Four with one number, then two hundred: each is answered, in order."""
     with site.client() as client:

@@ -70,6 +70,21 @@ class Plant(Substation):
         config["commands"]["select_timeout"] = seconds
         self.gateway.ctl("reload", self.gateway.put(config))
 
+    def kill_server(self) -> None:
+        """Its next process runs."""
+        before = self.gateway.modules()["rtu-iec61850"]["pid"]
+        self.gateway.kill("rtu-iec61850")
+
+        def runs() -> bool:
+            module = self.gateway.modules()["rtu-iec61850"]
+            return module["state"] == "running" and module["pid"] not in (0, before)
+
+        self.gateway.wait_for(runs, 60.0, "it runs again")
+
+    def is_over(self) -> bool:
+        """Nothing is selected or under way; who has asked may be gone, and the end still be shown."""
+        return not self.states() & {"accepted selection", "executing command"}
+
     def is_free(self) -> bool:
         return self.states() <= {"inactive command", "interrupted selection"}
 

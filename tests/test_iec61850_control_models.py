@@ -26,6 +26,7 @@ from test_iec61850_control import (
     LAMP,
     LOCKED,
     LOST,
+    NEGATIVE,
     NOT_SELECTED,
     ON,
     SELECT,
@@ -106,16 +107,30 @@ class Try:
         assert mms.elements(mms.elements(answer[1])[1][1]) == [DENIED]
         return cause(self.client, self.point)
 
-    def ask_104(self, master: RawMaster, value: int) -> None:
-        """A station commands the point."""
-        if self.point == BREAKER:
-            master.request(C_DC, CA, 3, bytes([value + 1]))
-        else:
-            master.request(C_SC, CA, 1, bytes([value]))
+    def ask_104(self, master: RawMaster, value: int) -> int:
+        """A station commands the point. The cause of what confirms or refuses it."""
+        kind, ioa, content = (C_DC, 3, value + 1) if self.selects else (C_SC, 1, value)
+        master.request(kind, CA, ioa, bytes([content]))
+        return master.answer(kind).cause
+
+    def station_is_kept_out(self) -> None:
+        """While a client has the point."""
+        with RawMaster(*self.plant.gateway.address) as master:
+            assert self.ask_104(master, 0) == ACT_CON | NEGATIVE
+
+    def station_is_next(self) -> None:
+        """Nothing of the client's command is left: a station commands the point."""
+        with RawMaster(*self.plant.gateway.address) as master:
+            if self.selects:
+                assert self.ask_104(master, SELECT | 1) == ACT_CON
+            assert self.ask_104(master, 1) == ACT_CON
+            self.plant.gateway.wait_for(self.plant.is_free, 60.0, "the station's command is over")
 
 
 def success(case: Try) -> None:
     case.select_if_needed()
+    if case.selects:
+        case.station_is_kept_out()
     assert act(case.client, "Oper", case.point) == DONE
     if case.security == "enhanced":
         assert ended(case.client, case.point) == 0
@@ -133,11 +148,13 @@ def exception(case: Try) -> None:
 def silence(case: Try) -> None:
     case.select_if_needed()
     case.begin()
+    case.station_is_kept_out()
     assert case.end() == TOO_LATE
     assert len(case.plant.writes(case.mark)) == 1
 
 
 def cancel(case: Try) -> None:
+    """Of a selection; what is under way goes on."""
     if not case.selects:
         assert act(case.client, "Cancel", case.point) == NON_EXISTENT
         return
@@ -145,6 +162,12 @@ def cancel(case: Try) -> None:
     assert act(case.client, "Cancel", case.point) == DONE
     case.refused(NOT_SELECTED)
     assert case.plant.writes(case.mark) == []
+    assert case.select()
+    case.begin()
+    assert act(case.client, "Cancel", case.point) == DENIED
+    assert cause(case.client, case.point, "Cancel") == IN_EXECUTION
+    assert case.end() == TOO_LATE
+    assert len(case.plant.writes(case.mark)) == 1
 
 
 def other_client(case: Try) -> None:
@@ -161,34 +184,20 @@ def other_client(case: Try) -> None:
 
 
 def station_104(case: Try) -> None:
-    """Its selection, or its command under way, keeps clients out; then theirs keeps it out."""
-    if case.selects:
-        with RawMaster(*case.plant.gateway.address) as master:
-            master.request(C_DC, CA, 3, bytes([SELECT | 2]))
-            assert master.answer(C_DC).cause == ACT_CON
+    """Its selection, or its command under way, keeps clients out."""
+    with RawMaster(*case.plant.gateway.address) as master:
+        if case.selects:
+            assert case.ask_104(master, SELECT | 1) == ACT_CON
             assert not case.select()
             case.client.information.clear()
             case.refused(LOCKED)
-    else:
-        case.plant.lines.fault(DEVICE, "mute")
-        with RawMaster(*case.plant.gateway.address) as master:
-            case.ask_104(master, 1)
+        else:
+            case.plant.lines.fault(DEVICE, "mute")
+            master.request(C_SC, CA, 1, b"\1")
             case.plant.lines.wait_frame(
                 lambda f: f.kind == "received" and f.bytes[1] == FUNCTIONS[case.point], since=case.mark
             )
             case.refused(IN_EXECUTION)
-    case.plant.lines.fault(DEVICE, "clear")
-    case.plant.gateway.wait_for(case.plant.is_free, 60.0, "the station's command is over")
-    case.plant.wait_all_good(CA)
-    case.mark = case.plant.lines.mark()
-    case.select_if_needed()
-    if not case.selects:
-        case.begin()
-    with RawMaster(*case.plant.gateway.address) as master:
-        case.ask_104(master, 0)
-        assert master.answer(C_DC if case.selects else C_SC).cause & 0x40  # negative
-    if not case.selects:
-        assert case.end() == TOO_LATE
     assert len(case.plant.writes(case.mark)) <= 1
 
 
@@ -205,6 +214,7 @@ def time_out(case: Try) -> None:
 def kill(case: Try) -> None:
     case.select_if_needed()
     case.begin()
+    case.station_is_kept_out()
     case.plant.gateway.kill("rtu-modbus-1")
     assert case.end() in (LOST, TOO_LATE)
     case.plant.lines.fault(DEVICE, "clear")
@@ -214,7 +224,29 @@ def kill(case: Try) -> None:
     success(case)  # the next one is not the former
 
 
-WAYS = [success, exception, silence, cancel, other_client, station_104, time_out, kill]
+def kill_of_the_server(case: Try) -> None:
+    """What it had selected is nobody's; what it had under way is refused, and not repeated."""
+    if case.selects:
+        assert case.select()
+        case.plant.kill_server()
+        assert case.client.is_closed()
+        case.plant.gateway.wait_for(case.plant.is_over, 60.0, "its selection is over")
+        assert case.plant.writes(case.mark) == []
+    with case.plant.client() as case.client:
+        case.select_if_needed()
+        case.begin()
+        case.plant.kill_server()
+        assert case.client.is_closed()
+    case.plant.gateway.wait_for(case.plant.is_over, 60.0, "its command is over")
+    case.plant.lines.fault(DEVICE, "clear")
+    case.plant.wait_all_good(CA)
+    assert len(case.plant.writes(case.mark)) == 1 and not case.is_on()
+    with case.plant.client() as case.client:
+        case.mark = case.plant.lines.mark()
+        success(case)
+
+
+WAYS = [success, exception, silence, cancel, other_client, station_104, time_out, kill, kill_of_the_server]
 
 
 @pytest.mark.slow
@@ -236,3 +268,4 @@ def test_a_command_goes_every_way(running: tuple[Plant, str], way: Callable[[Try
                 plant.lines.fault(DEVICE, "clear")
         plant.gateway.wait_for(plant.is_free, 60.0, "no command is under way")
         plant.wait_all_good(CA)
+        case.station_is_next()

@@ -58,15 +58,39 @@ def plant(programs: Path, journal: Path) -> Iterator[Plant]:
         yield plant
 
 
+def records(octets: bytes) -> Iterator[bytes]:
+    """Those of a journal's file that are whole: package/openrtu/src/journal/record.h."""
+    while octets:
+        size = 16 + struct.unpack_from("<I", octets, 4)[0]
+        yield octets[:size]
+        octets = octets[size:]
+
+
 def newest(journal: Path) -> int:
     """The number of the newest change for buffered reports in the journal's file."""
-    octets, found = (journal / "events").read_bytes(), 0
-    while octets:
-        size, count = 16 + struct.unpack_from("<I", octets, 4)[0], struct.unpack_from("<I", octets, 20)[0]
-        for at in range(size - 28 * count, size, 28):
-            if octets[at + 18] == ENTRY:
-                found = max(found, struct.unpack_from("<I", octets, at + 8)[0])
-        octets = octets[size:]
+    found = 0
+    for record in records((journal / "events").read_bytes()):
+        count = struct.unpack_from("<I", record, 20)[0]
+        for at in range(len(record) - 28 * count, len(record), 28):
+            if record[at + 18] == ENTRY:
+                found = max(found, struct.unpack_from("<I", record, at + 8)[0])
+    return found
+
+
+def tear(journal: Path, chance: random.Random) -> int:
+    """
+    The power goes before the file's last record is synchronised: a part of it is there, and nothing or zeros
+    behind. Returns the newest change before it. The first record is never so: it comes with the file's name.
+    """
+    whole = [*records((journal / "events").read_bytes())]
+    if len(whole) == 1:
+        return newest(journal)
+    *synchronised, last = whole
+    (journal / "events").write_bytes(b"".join(synchronised))
+    found = newest(journal)
+    part = last[: chance.randrange(len(last))]
+    with (journal / "events").open("ab") as file:
+        file.write(part + chance.choice([b"", bytes(len(last) - len(part))]))
     return found
 
 
@@ -168,10 +192,10 @@ def test_what_the_journal_has_not_is_told_as_lost(plant: Plant, journal: Path) -
 def check_sequence(entries: list[Entry], written: dict[bytes, int]) -> None:
     """In order, each once; what is missing was not written when the power was cut. written: by start."""
     for before, after in itertools.pairwise(entries):
-        if before.key[:4] == after.key[:4]:
+        if of_start(before) == of_start(after):
             assert after.place == before.place + 1 and not after.lost
         else:
-            end = written[before.key[:4]]
+            end = written[of_start(before)]
             assert after.place == end + 1
             assert before.place == end or (before.place > end and after.lost)
 
@@ -180,10 +204,14 @@ def check_sequence(entries: list[Entry], written: dict[bytes, int]) -> None:
     "cuts", [pytest.param(1, marks=pytest.mark.slow), pytest.param(100, marks=pytest.mark.soak)]
 )
 def test_kills_and_cuts_at_any_moment(plant: Plant, journal: Path, cuts: int) -> None:
-    """Ten kills of the module to a cut, as reports are on their way; the client goes on behind its last."""
+    """
+    Ten kills of the module to a cut, as reports are on their way; the client goes on behind its last. Of what
+    the journal wrote last, a part is lost with the power.
+    """
     chance = random.Random(SEED)
     entries: list[Entry] = []
     written: dict[bytes, int] = {}
+    checked = 0
     with Client(plant.port) as client:
         put(client, PurgeBuf=YES)
     for _ in range(cuts):
@@ -201,11 +229,13 @@ def test_kills_and_cuts_at_any_moment(plant: Plant, journal: Path, cuts: int) ->
                     entries += taken(client, len(client.reports))
         plant.change()
         cut_power(plant.gateway)
-        written[entries[-1].key[:4]] = newest(journal)
+        written[of_start(entries[-1])] = tear(journal, chance)
+        check_sequence(entries[checked:], written)
+        checked = len(entries) - 1
         start_again(plant)
     plant.change()
     with Client(plant.port) as client:
         begin(client, entries[-1].key)
         entries += taken(client, INPUTS)
-    check_sequence(entries, written)
+    check_sequence(entries[checked:], written)
     assert len(entries) >= cuts * KILLS * INPUTS

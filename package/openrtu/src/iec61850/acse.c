@@ -5,7 +5,6 @@
 enum {
 	AARQ = 0x60,
 	AARE = 0x61,
-	RLRQ = 0x62,
 	RLRE = 0x63,
 	CONTEXT_NAME = 0xa1,
 	RESULT = 0xa2,
@@ -44,13 +43,6 @@ void iec61850_acse_accept(struct ber_writer *writer, int8_t context, size_t end)
 	ber_put(writer, BER_OBJECT_IDENTIFIER, mms_context, sizeof(mms_context));
 	ber_close(writer, CONTEXT_NAME, part);
 	ber_close(writer, AARE, end);
-}
-
-bool iec61850_acse_is_release(const struct ber_element *acse)
-{
-	struct ber_element release;
-
-	return ber_find(acse, RLRQ, &release);
 }
 
 void iec61850_acse_released(struct ber_writer *writer)

@@ -9,8 +9,6 @@
 bool iec61850_acse_request(const struct ber_element *acse, struct ber_element *mms);
 /* Puts an AARE that accepts before what writer holds since end. context: the number of MMS. */
 void iec61850_acse_accept(struct ber_writer *writer, int8_t context, size_t end);
-/* Whether this is an RLRQ. */
-bool iec61850_acse_is_release(const struct ber_element *acse);
 /* Puts an RLRE. */
 void iec61850_acse_released(struct ber_writer *writer);
 
