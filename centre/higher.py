@@ -19,6 +19,7 @@ PERIOD_MS = 100
 MEMORY_MB = 512  # of addresses; a Python with its libraries maps what it never touches
 HEARTBEAT_MS = 5000
 COMMAND_S = 10  # the oldest command that is carried out: of the gateway, and of centre.station
+RELEASE_S = 30  # so long the second person has: a module may take 40 s for what it has confirmed
 POINTS_MOST, MODULES_MOST = 1024, 12  # of a module, of a gateway
 NAME_MOST = 39  # octets
 # Of an object, the point's type; a total is a number that was counted elsewhere.
@@ -30,9 +31,9 @@ TYPES = {
 # A position is three points: the part of the point's view, and its type. Their addresses are so far apart.
 PART_ADDRESSES = 1_000_000
 PARTS = {"latitude": "angle", "longitude": "angle", "altitude": "float"}
-# What a module may be commanded with; regulating steps are for objects of devices alone.
+# By what a station takes, the type of the point that takes it here.
 COMMANDS = {
-    "single": "single", "double": "double", "bits": "bitstring",
+    "single": "single", "double": "double", "step": "step", "bits": "bitstring",
     "normalized": "normalized", "scaled": "scaled", "float": "float",
 }  # fmt: skip
 
@@ -99,8 +100,7 @@ def _points(
     point: Json = {"name": name, "type": type_, "ioa": address}
     if meaning.unit:
         point["unit"] = meaning.unit
-    # A second person releases it here: nobody above can wait for that.
-    if COMMANDS.get(meaning.command) == type_ and not station.release:
+    if COMMANDS.get(meaning.command) == type_:
         point |= {"command": True, "select": meaning.selects}
     yield point, [*place, "value"]
 

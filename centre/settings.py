@@ -491,7 +491,8 @@ def _meaning(row: dict[str, str]) -> Meaning:
 
     kind = row.get("type") or ""
     listed = Content.POSITION if kind in POSITIONS else CONTENTS.get(kind[2:4], CONTENTS.get(kind[2:7]))
-    command = (row.get("command_type") or "").split("_")
+    taken = (row.get("command_type") or "").split()  # a register that takes steps has two
+    command = taken[0].split("_") if taken else []
     return Meaning(
         row.get("name") or f"{row['ca']}.{row['ioa']}",
         row.get("unit") or "",

@@ -20,7 +20,7 @@ import aiohttp
 from openrtu import Level, Module, Quality, Request, Result
 
 from centre import records
-from centre.higher import COMMAND_S
+from centre.higher import COMMAND_S, RELEASE_S
 from centre.model import NS_PER_MS, Json
 from centre.records import ENDED, Link, State
 
@@ -110,17 +110,17 @@ class Below:
 
     # ---- commands ------------------------------------------------------------------------------
 
-    def command(self, request: Request, place: Place) -> None:
-        asyncio.run_coroutine_threadsafe(self._carry_out(request, place), self.loop)
+    def command(self, request: Request, place: Place, value: float) -> None:
+        asyncio.run_coroutine_threadsafe(self._carry_out(request, place, value), self.loop)
 
-    async def _carry_out(self, request: Request, place: Place) -> None:
+    async def _carry_out(self, request: Request, place: Place, value: float) -> None:
         """Until it has ended: what is told is what became of it at the station."""
         sent = False
         try:
-            if self._is_old(request) or place not in self.ids:
+            if self._is_old(request, COMMAND_S) or place not in self.ids:
                 result = Result.TOO_OLD if place in self.ids else Result.NOT_COMMANDABLE
             else:
-                body = {"point": self.ids[place], "value": float(request.value)}
+                body = {"point": self.ids[place], "value": value}
                 try:
                     command = await self._ask("POST", "commands", body)
                 except aiohttp.ClientConnectorError:
@@ -134,23 +134,30 @@ class Below:
         self.ends.append((request, result))
 
     async def _follow(self, request: Request, command: Json) -> Result:
+        """A command of two persons is told to have begun when it waits for the second, who is here."""
         followed = False
+        patience_s = RELEASE_S if command["release"] else COMMAND_S
         while command["state"] not in ENDED:
             if command["state"] == State.ACCEPTED_SELECTION and not followed:
-                followed = True
-                if self._is_old(request):  # whoever asked has given it up
+                if self._is_old(request, patience_s):  # whoever asked has given it up
                     await self._ask("POST", f"commands/{command['id']}/cancel", {})
                     return Result.TOO_OLD
-                await self._ask("POST", f"commands/{command['id']}/execute", {})
+                if command["release"]:
+                    self.ends.append((request, Result.NONE))
+                else:
+                    followed = True
+                    await self._ask("POST", f"commands/{command['id']}/execute", {})
             elif command["state"] == State.EXECUTING:
                 self.ends.append((request, Result.NONE))
             await asyncio.sleep(ASK_S)
             command = await self._ask("GET", f"commands/{command['id']}")
+        if command["state"] == State.INTERRUPTED_SELECTION:  # somebody here does not want it
+            return Result.INTERLOCK
         return RESULTS.get(command["result"], Result.NOT_COMMANDABLE)
 
     @staticmethod
-    def _is_old(request: Request) -> bool:
-        return time.monotonic_ns() - request.time_ns > COMMAND_S * 10**9
+    def _is_old(request: Request, patience_s: float) -> bool:
+        return time.monotonic_ns() - request.time_ns > patience_s * 10**9
 
     async def _ask(self, method: str, path: str, body: Json | None = None) -> Any:
         assert self.session
@@ -183,10 +190,13 @@ class Points:
             if not self._can(selection.name):
                 selection.refuse(Result.NOT_COMMANDABLE)
         for request in self.module.requests():
-            if self._can(request.name):
-                self.below.command(request, self.place_of[request.name])
-            else:
+            if not self._can(request.name):
                 request.refuse(Result.NOT_COMMANDABLE)
+            elif self.module.points[request.name].type == "step" and not request.step:
+                request.refuse(Result.OUT_OF_RANGE)  # the station takes steps, no positions
+            else:
+                value = request.step or float(request.value)
+                self.below.command(request, self.place_of[request.name], value)
         written: set[Place] = set()
         while self.rest or self.below.news:
             if not self.rest:

@@ -21,9 +21,10 @@ from lab.raw_master import Asdu, RawMaster
 
 FIXTURES = Path(__file__).resolve().parent / "fixtures/foreign"
 VALVE, DRIVE = 911, 912  # common addresses
-C_SC, C_DC, C_SE_NA, C_SE_NB, C_SE_NC, C_BO = 45, 46, 48, 49, 50, 51
+C_SC, C_DC, C_RC, C_SE_NA, C_SE_NB, C_SE_NC, C_BO = 45, 46, 47, 48, 49, 50, 51
+LOWER, HIGHER = 1, 2
 C_CI, C_CS = 101, 103
-M_IT, M_IT_TAGGED, M_ME_TAGGED = 15, 37, 35
+M_IT, M_IT_TAGGED, M_ME_TAGGED, M_ST_TAGGED = 15, 37, 35, 32
 TAGGED = 13  # 58 is 45 with a time tag, and so on
 ACT, ACT_CON, DEACT, DEACT_CON, ACT_TERM = 6, 7, 8, 9, 10
 RETURN_REMOTE, RETURN_LOCAL = 11, 12
@@ -31,6 +32,7 @@ NEGATIVE, SELECT = 0x40, 0x80
 SHORT = 1 << 2
 PATIENCE_S = 60.0
 SINGLE, DOUBLE, SELECTED, NORMALIZED, SCALED, FLOAT, BITS, PASSED_ON, PLAIN, COUNT = range(1, 11)
+TAP = 20
 M_TAGGED = {
     SINGLE: 30,
     DOUBLE: 31,
@@ -61,6 +63,7 @@ def modules(directory: Path) -> list[dict[str, Any]]:
     ]
     points.append({"name": "valve.count", "type": "counter", "ioa": COUNT, "counter_group": 2})
     points.append({"name": "valve.sent", "type": "counter", "ioa": COUNT + 1, "freeze_s": 1})
+    points.append({"name": "valve.tap", "type": "step", "ioa": TAP, "command": True, "initial": 62})
     valve = {
         "name": "valve",
         "program": program(directory, "valve", FIXTURES / "valve.py"),
@@ -202,6 +205,24 @@ def test_master_commands_a_modules_point(
     assert heads(answers) == [(sent, ACT_CON), (M_TAGGED[ioa], RETURN_REMOTE), (sent, ACT_TERM)]
     returned = next(asdu for asdu in answers if asdu.cause == RETURN_REMOTE)
     assert returned.body[:-7] == ioa.to_bytes(3, "little") + value
+
+
+def test_regulating_steps_of_a_modules_point(plant: Plant, master: RawMaster) -> None:
+    """Each says where the point is then, as far as its type goes; RCS 0 and 3 say nothing."""
+    for rcs, position in ((HIGHER, 63), (HIGHER, 63), (LOWER, 62)):
+        master.request(C_RC, VALVE, TAP, bytes([rcs]))
+        answers = until(master, C_RC, ACT_TERM)
+        assert heads(answers) == [(C_RC, ACT_CON), (M_ST_TAGGED, RETURN_REMOTE), (C_RC, ACT_TERM)]
+        returned = next(asdu for asdu in answers if asdu.cause == RETURN_REMOTE)
+        assert returned.body[:5] == TAP.to_bytes(3, "little") + bytes([position, 0])
+        plant.wait_log(f"step of valve.tap: {1 if rcs == HIGHER else -1}")
+    for rcs in (0, 3):
+        master.request(C_RC, VALVE, TAP, bytes([rcs]))
+        assert heads(until(master, C_RC, ACT_TERM)) == [(C_RC, ACT_CON | NEGATIVE)]
+    plant.gateway.ctl("set", "valve.tap", "7")
+    plant.wait_point("valve.tap", 7)
+    master.request(C_RC, VALVE, SCALED, bytes([HIGHER]))
+    assert master.answer(C_RC).cause & 0x3F == 47
 
 
 def test_selection_is_judged_by_the_module(plant: Plant, master: RawMaster) -> None:

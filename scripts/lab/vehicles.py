@@ -17,11 +17,12 @@ from dataclasses import dataclass, field
 START = 0x68
 STARTDT_ACT, STARTDT_CON, STOPDT_ACT, STOPDT_CON, TESTFR_ACT, TESTFR_CON = 0x07, 0x0B, 0x13, 0x23, 0x43, 0x83
 K = 12
-M_SP_NA_1, M_SP_TB_1, M_ME_NC_1, M_ME_TF_1, POSITION = 1, 30, 13, 36, 201
-C_SC_NA_1, C_IC_NA_1, C_CS_NA_1, C_RD_NA_1 = 45, 100, 103, 102
+M_SP_NA_1, M_SP_TB_1, M_ST_NA_1, M_ST_TB_1, M_ME_NC_1, M_ME_TF_1, POSITION = 1, 30, 5, 32, 13, 36, 201
+C_SC_NA_1, C_RC_NA_1, C_IC_NA_1, C_CS_NA_1, C_RD_NA_1 = 45, 47, 100, 103, 102
 SPONTANEOUS, REQUEST, ACT, ACT_CON, DEACT, DEACT_CON, ACT_TERM, INTERROGATED = 3, 5, 6, 7, 8, 9, 10, 20
 UNKNOWN_TYPE, NEGATIVE, SELECT = 44, 0x40, 0x80
-UNTAGGED = {M_SP_TB_1: M_SP_NA_1, M_ME_TF_1: M_ME_NC_1, POSITION: POSITION}
+HIGHER = 2  # RCS of a regulating step; 1 lower
+UNTAGGED = {M_SP_TB_1: M_SP_NA_1, M_ST_TB_1: M_ST_NA_1, M_ME_TF_1: M_ME_NC_1, POSITION: POSITION}
 TIME_OCTETS = 7
 QUEUE_MOST = 100_000
 
@@ -46,6 +47,11 @@ def single(at_ms: int, on: bool, quality: int = 0) -> bytes:
     return bytes([on | quality]) + time_tag(at_ms)
 
 
+def stepped(at_ms: int, position: int, quality: int = 0) -> bytes:
+    """VTI: of a tap changer, from -64 to 63."""
+    return bytes([position & 0x7F, quality]) + time_tag(at_ms)
+
+
 def measured(at_ms: int, value: float, quality: int = 0) -> bytes:
     return struct.pack("<fB", value, quality) + time_tag(at_ms)
 
@@ -63,6 +69,7 @@ class Station:
     )  # by IOA: type and element, with its tag
     commanded: list[tuple[int, int]] = field(default_factory=list)
     connections: int = 0
+    tap: int = 0  # where its tap changer stands
     _server: asyncio.Server | None = None
     _session: Session | None = None
 
@@ -185,7 +192,7 @@ class Session:
             of_type, element = self.station.objects[ioa]
             whole = element if of_type == POSITION else element[:-TIME_OCTETS]
             self.send(self.station.asdu(UNTAGGED[of_type], REQUEST, ioa, whole))
-        elif type_ == C_SC_NA_1:
+        elif type_ in (C_SC_NA_1, C_RC_NA_1):
             self.command(asdu, cause & 0x3F, ioa, asdu[9])
         else:
             self.mirror(asdu, UNKNOWN_TYPE | NEGATIVE)
@@ -201,9 +208,15 @@ class Session:
         elif manner == "hang up":
             self.writer.close()
         elif manner != "silent":
-            self.station.commanded.append((ioa, qualifier & 1))
+            at_ms = int(datetime.datetime.now().timestamp() * 1000)
+            if asdu[0] == C_RC_NA_1:
+                step = 1 if qualifier & 3 == HIGHER else -1
+                self.station.tap += step
+                self.station.commanded.append((ioa, step))
+                returned = M_ST_TB_1, stepped(at_ms, self.station.tap)
+            else:
+                self.station.commanded.append((ioa, qualifier & 1))
+                returned = M_SP_TB_1, single(at_ms, bool(qualifier & 1))
             self.mirror(asdu, ACT_CON)
-            self.station.say(
-                ioa, M_SP_TB_1, single(int(datetime.datetime.now().timestamp() * 1000), bool(qualifier & 1))
-            )
+            self.station.say(ioa, *returned)
             self.mirror(asdu, ACT_TERM)

@@ -24,17 +24,29 @@ from capture import PORT, Connection, write_pcap
 from centre.apdu import CAUSES, NAMES, decode
 from centre.errors import CentreError
 from centre.higher import PROGRAM, gateway
+from centre.records import State
 from centre.settings import load
 from control_room import POINTS, Site, Stations, described, until
-from lab.centre_client import AnswerError
+from lab.centre_client import AnswerError, Client
 from lab.gateway import Gateway, default_build, free_port, listening_on, remove, run_directory
 from lab.master import Master, Report
 from lab.modules import library
-from lab.vehicles import M_ME_TF_1, POSITION, Station, measured, position
+from lab.vehicles import (
+    M_ME_TF_1,
+    M_SP_TB_1,
+    M_ST_TB_1,
+    POSITION,
+    Station,
+    measured,
+    position,
+    single,
+    stepped,
+)
 
-CA, OWN_CA, ADDED = 500, 501, 1000
+CA, OWN_CA, ADDED, GUARDED = 500, 501, 1000, 2000
 PLACE, PUMP, LAMP, LEVEL = (ADDED + ioa for ioa in range(1, 5))
-LISTED = POINTS.replace("1,1,,,place", "1,1,position,,place")
+LISTED = POINTS.replace("1,1,,,place", "1,1,position,,place") + "1,6,M_ST_NA_1,C_RC_NA_1,tap,,true,,,,\n"
+TAP = ADDED + 6
 LONGITUDE = PLACE + 1_000_000
 BAD = "NonTopical+Invalid"  # and the last value that is known
 
@@ -84,7 +96,20 @@ class City:
         return until(there, f"{ioa} is {value}, {quality}: {self.gateway.log(5)}")
 
     def command(self, ioa: int, on: bool) -> bool:
-        return self.master.command(CA, ioa, "C_SC_NA_1", c104.SingleCmd(on=on), select=ioa == PUMP)
+        return self.master.command(CA, ioa, "C_SC_NA_1", c104.SingleCmd(on=on), select=ioa % ADDED == 2)
+
+    def came_of(self, name: str) -> str:
+        """What a point's command has ended with at the gateway; empty while it goes on."""
+        row = next(row for row in self.gateway.query("commands") if row["name"] == name)
+        return "" if row["state"] == "executing command" else str(row["result"])
+
+
+@pytest.fixture(scope="module")
+def guarded(stations: Stations) -> Iterator[Station]:
+    """A second person of the town releases its commands."""
+    made = stations.station()
+    yield made
+    stations.do(made.stop())
 
 
 @pytest.fixture(scope="module")
@@ -93,6 +118,7 @@ def city(
     stations: Stations,
     north: Station,
     south: Station,
+    guarded: Station,
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Iterator[City]:
     folder = tmp_path_factory.mktemp("town")
@@ -100,6 +126,7 @@ def city(
     here = [
         described(north, folder, points=LISTED, higher={"1": ADDED}),
         described(south, folder, "south", LISTED, higher={"1": ADDED}, higher_ca=OWN_CA),
+        described(guarded, folder, "guarded", LISTED, higher={"1": GUARDED}, release=True),
     ]
     stations.say(north, 1, POSITION, position(int(time.time() * 1000), 44.8125, 20.4612))
     service = Service()
@@ -123,7 +150,10 @@ def city(
             made.options = ["--uid-base", "0"]
         with made, Master(*made.address) as master:
             master.interrogate(CA)
-            yield City(master, made, site, service)
+            there = City(master, made, site, service)
+            stations.say(guarded, 3, M_SP_TB_1, single(int(time.time() * 1000), False))
+            there.wait(GUARDED + 3, False)  # it has its link
+            yield there
     service.shutdown()
     service.server_close()
     remove(directory)
@@ -181,6 +211,69 @@ def test_commands_go_down_to_the_station(city: City, north: Station) -> None:
     finally:
         north.manner = "done"
     assert {row[0] for row in city.site.rows('SELECT "user" FROM commands')} == {"olga"}
+
+
+def test_regulating_steps_go_down_to_the_station(city: City, stations: Stations, north: Station) -> None:
+    """Each a step there; a position is none."""
+    north.tap = 62
+    stations.say(north, 6, M_ST_TB_1, stepped(int(time.time() * 1000), north.tap))
+    city.wait(TAP, 62)
+    for step, tap in (c104.Step.HIGHER, 63), (c104.Step.LOWER, 62):
+        assert city.master.command(CA, TAP, "C_RC_NA_1", c104.StepCmd(step), select=True)
+        city.wait(TAP, tap)
+    assert north.commanded[-2:] == [(6, 1), (6, -1)]
+    city.gateway.ctl("set", "north/tap", "5", "--select", check=False)
+    assert city.came_of("north/tap") == "out of range"
+    city.gateway.ctl("step", "north/tap", "higher", "--select")
+    assert north.commanded[-1] == (6, 1)
+
+
+def waiting(client: Client) -> dict[str, Any]:
+    """The command that waits for a second person."""
+
+    def there() -> dict[str, Any] | None:
+        commands = client.get("/api/commands")
+        return next((each for each in commands if each["state"] == State.ACCEPTED_SELECTION), None)
+
+    command: dict[str, Any] = until(there, "a command waits")
+    return command
+
+
+@pytest.mark.parametrize(("ioa", "name"), [(2, "pump"), (3, "lamp")])
+def test_a_second_person_of_the_town_releases(city: City, guarded: Station, ioa: int, name: str) -> None:
+    """It has begun for the city, and nothing is done before; with a selection at the station, and without."""
+    emil = city.site.client("emil")
+    assert city.command(GUARDED + ioa, True)
+    command = waiting(emil)
+    assert command["user"] == "olga"
+    until(lambda: not city.came_of(f"guarded/{name}"), "it has begun")
+    assert guarded.commanded == []
+    emil.post(f"/api/commands/{command['id']}/execute")
+    until(lambda: city.came_of(f"guarded/{name}") == "done", "it is done")
+    assert guarded.commanded.pop() == (ioa, 1)
+    city.wait(GUARDED + ioa, True)
+    assert ("emil", "release") in city.site.rows('SELECT "user", action FROM audit')
+
+
+def test_a_second_person_of_the_town_may_not_want_it(city: City, guarded: Station) -> None:
+    emil = city.site.client("emil")
+    assert city.command(GUARDED + 3, False)
+    emil.post(f"/api/commands/{waiting(emil)['id']}/cancel")
+    until(lambda: city.came_of("guarded/lamp") == "interlock", "the city is told")
+    assert guarded.commanded == []
+
+
+@pytest.mark.slow
+def test_what_nobody_releases_is_never_sent(city: City, guarded: Station) -> None:
+    """Half a minute is the second person's."""
+    emil = city.site.client("emil")
+    assert city.command(GUARDED + 3, False)
+    path = f"/api/commands/{waiting(emil)['id']}"
+    until(lambda: city.came_of("guarded/lamp") == "too old", "the city is told", 0.5)
+    with pytest.raises(AnswerError) as refused:
+        emil.post(f"{path}/execute")
+    assert refused.value.code == "not_selected"
+    assert guarded.commanded == []
 
 
 def test_nothing_waits_for_a_station_that_is_away(city: City, stations: Stations, north: Station) -> None:

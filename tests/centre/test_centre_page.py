@@ -21,6 +21,7 @@ pytestmark = pytest.mark.slow
 PAGE = Path(__file__).resolve().parents[2] / "build" / "centre" / "page"
 EVIL = "<img src=x onerror=alert(1)>"
 BELGRADE = (44.8125, 20.4612)
+ANSWER_MS = 60_000  # rtu-centre waits 10 s for an answer
 expect.set_options(timeout=LIMIT_MS)
 
 
@@ -271,14 +272,18 @@ def test_second_person_is_told_and_releases(page: Page, site: Site, stations: St
 
 @pytest.mark.parametrize(
     ("manner", "kind", "words"),
-    [("refuse", "bad", "Refused by the station"), ("hang up", "old", "Fate unknown")],
+    [
+        ("refuse", "bad", "Refused by the station"),
+        ("hang up", "old", "Fate unknown"),
+        pytest.param("silent", "old", "No answer in time", marks=pytest.mark.slow),
+    ],
 )
 def test_each_fate_looks_its_own(page: Page, north: Station, manner: str, kind: str, words: str) -> None:
     open_command(page, "lamp")
     north.manner = manner
     page.locator("dialog .choices button").nth(1).click()
     page.locator("dialog button.main").click()
-    expect(page.locator("dialog .outcome")).to_have_class(f"outcome {kind}")
+    expect(page.locator("dialog .outcome")).to_have_class(f"outcome {kind}", timeout=ANSWER_MS)
     north.manner = "done"
     assert outcome(page) == words
 
@@ -339,14 +344,19 @@ def test_alarm_is_acknowledged_by_two_at_once(
     expect(row).to_have_count(0)
 
 
-def test_lost_connection_is_shown_and_comes_back(page: Page, site: Site) -> None:
+def test_lost_connection_is_shown_and_comes_back(
+    page: Page, site: Site, stations: Stations, north: Station
+) -> None:
+    """What was told meanwhile is there then."""
     view(page, "points")
     page.locator(".side .list button", has_text="north").click()
     expect(page.locator("td.value").first).to_be_visible()
     site.kill(site.centre)
     expect(page.locator(".banner")).to_contain_text("No connection to the centre")
+    stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 3.75))
     site.start_centre()
     expect(page.locator(".banner")).to_be_hidden()
+    expect(page.locator("td.value", has_text="3.75")).to_be_visible()
     site.kill(site.collector)
     expect(page.locator(".banner")).to_contain_text("rtu-centre is not running")
     expect(page.locator("td .state.none").first).to_have_text("no link")

@@ -572,6 +572,50 @@ def test_logout_ends_a_session_for_good(site: Site) -> None:
     assert refused.value.status == 401
 
 
+def test_page_that_watches_is_told_nothing_after_its_session(
+    site: Site, stations: Stations, north: Station
+) -> None:
+    client = site.client("vera")
+    before = {"view": "points", "station": point(client, "level")["station"]}
+    with Watch(stations, client, before) as page:
+        client.post("/api/logout")
+        stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 2.875))
+        until(page.listening.done, "it is closed")
+        assert page.socket
+        assert page.socket.close_code == 4401
+        told = [each["value"] for message in page.said for each in message["points"]]
+    assert 2.875 not in told
+
+
+def test_token_is_worth_no_more_than_its_user(site: Site) -> None:
+    """Another role, an end, and another user of the same name: each ends it."""
+    engineer = site.client("emil")
+    user = {"name": "tina", "role": "operator", "password": PASSWORD}
+
+    def token() -> Client:
+        made = site.client().login("tina", PASSWORD).post("/api/tokens", {"label": "report", "days": 1})
+        return Client(site.port, made["token"])
+
+    def ended(client: Client) -> bool:
+        with pytest.raises(AnswerError) as refused:
+            client.get("/api/me")
+        return refused.value.status == 401
+
+    engineer.post("/api/users", user)
+    first = token()
+    with pytest.raises(AnswerError) as refused:
+        first.post("/api/users", user | {"role": "engineer"})
+    assert refused.value.code == "role"
+    engineer.post("/api/users", user | {"role": "viewer"})
+    assert ended(first)
+    second = token()
+    engineer.raw("DELETE", "/api/users/tina")
+    assert ended(second)
+    engineer.post("/api/users", user)
+    assert ended(second)
+    engineer.raw("DELETE", "/api/users/tina")
+
+
 def test_token_of_yesterday(site: Site) -> None:
     vera = site.client("vera")
     token = vera.post("/api/tokens", {"label": "report", "days": 1})["token"]

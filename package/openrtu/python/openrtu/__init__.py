@@ -173,6 +173,7 @@ class _Asked:
     pulse_ms: int  # the value for so long, then the other one; 0: it stays
     time_ns: int  # when it was requested, as time.monotonic_ns()
     local: bool  # by somebody on site
+    step: int  # a regulating step, 1 higher or -1 lower, and value is what the point becomes; 0: it is none
 
 
 class Request(_Asked):
@@ -357,10 +358,10 @@ class Module:
         wall: int = self._library.openrtu_wall_ns(self._handle, time_ns)
         return wall
 
-    def _asked(self, raw: _library.RawRequest) -> tuple[str, bool | int | float, int, int, bool]:
+    def _asked(self, raw: _library.RawRequest) -> tuple[str, bool | int | float, int, int, bool, int]:
         point = self._by_number[raw.point]
         value = _value(point.type, raw.value)
-        return point.name, value, raw.pulse_ms, raw.time_ns, bool(raw.flags & _LOCAL)
+        return point.name, value, raw.pulse_ms, raw.time_ns, bool(raw.flags & _LOCAL), raw.step
 
     def _confirm(self, name: str) -> None:
         self._library.openrtu_request_confirm(self._handle, self._find(name).number)

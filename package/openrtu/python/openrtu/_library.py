@@ -37,7 +37,7 @@ class RawRequest(ctypes.Structure):
         ("value", ctypes.c_double),
         ("time_ns", ctypes.c_int64),
         ("flags", ctypes.c_uint32),
-        ("reserved", ctypes.c_uint32),
+        ("step", ctypes.c_int32),
     )
 
 

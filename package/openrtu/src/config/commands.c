@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "config/commands.h"
 
+#include "map/type.h"
+
 void config_check_commands(struct config_report *report, const struct config_place *place,
 			   const struct config_commands *values)
 {
@@ -28,4 +30,9 @@ void config_set_commands(const struct config_commands *values, struct map_point 
 		point->flags |= MAP_POINT_SELECT;
 	point->short_pulse_ms = (uint16_t)values->short_pulse->integer;
 	point->long_pulse_ms = (uint16_t)values->long_pulse->integer;
+	if (point->type == MAP_STEP) { /* it is commanded by regulating steps */
+		point->step = 1;
+		point->min = (float)map_types[MAP_STEP].low;
+		point->max = (float)map_types[MAP_STEP].high;
+	}
 }

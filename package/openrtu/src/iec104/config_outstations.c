@@ -23,8 +23,6 @@
 #define IOA_MAX           16777215
 #define IOA_BITS          24
 #define COUNT_MAX         1000
-#define STEP_LOW          (-64)
-#define STEP_HIGH         63
 
 enum { FILE_OUTSTATIONS, FILE_TLS, FILE_KEYS };
 static const struct config_rule file_rules[FILE_KEYS] = {
@@ -203,18 +201,6 @@ static void name_point(const struct config_value *values, const char *set, uint3
 		snprintf(out, MAP_NAME_SIZE, "%.33s%u", values[POINT_NAME].text, number);
 }
 
-static void set_command(const struct config_value *values, struct map_point *point)
-{
-	const struct config_commands commands = commands_of(values);
-
-	config_set_commands(&commands, point);
-	if (!(point->flags & MAP_POINT_COMMAND) || point->type != MAP_STEP)
-		return;
-	point->step = 1; /* it is commanded by regulating steps */
-	point->min = STEP_LOW;
-	point->max = STEP_HIGH;
-}
-
 /* As those of a receiver: the position as a whole, and behind it what masters take that do not know its type. */
 static void add_position(struct config_loader *loader, const struct config_place *place,
 			 const struct iec104_outstation_set *set, const struct config_value *values)
@@ -272,6 +258,7 @@ static void add_points(struct config_loader *loader, const struct config_place *
 	    values[POINT_REMOTE_IOA].given ? (uint32_t)values[POINT_REMOTE_IOA].integer : ioa;
 	const uint32_t command =
 	    values[POINT_COMMAND_IOA].given ? (uint32_t)values[POINT_COMMAND_IOA].integer : remote;
+	const struct config_commands commands = commands_of(values);
 
 	check_range(loader, place, values, ioa, POINT_IOA);
 	check_range(loader, place, values, remote, POINT_REMOTE_IOA);
@@ -286,7 +273,7 @@ static void add_points(struct config_loader *loader, const struct config_place *
 		point =
 		    config_add_point(loader, place, name, (enum map_type)values[POINT_TYPE].integer, ioa + i);
 		point->group = (uint8_t)values[POINT_GROUP].integer;
-		set_command(values, point);
+		config_set_commands(&commands, point);
 		there = map_next_record(loader->config, IEC104_OUTSTATION_POINTS);
 		*there = (struct iec104_outstation_point){.ioa = remote + i,
 							  .command_ioa = command + i,

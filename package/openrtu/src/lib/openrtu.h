@@ -157,14 +157,17 @@ enum openrtu_result {
 	OPENRTU_NO_SCALE         /* the device's scale is not known */
 };
 
-/* A command of one of the module's own points, which has "command" in the configuration. */
+/*
+ * A command of one of the module's own points, which has "command" in the configuration. A point of type step takes regulating
+ * steps: value is then the position that it comes to, the last one if that is an end of its range.
+ */
 struct openrtu_request {
 	int32_t point;
 	uint32_t pulse_ms; /* the value for so long, then the other one; 0: it stays */
 	double value;
 	int64_t time_ns; /* when it was requested */
 	uint32_t flags;  /* OPENRTU_LOCAL */
-	uint32_t reserved;
+	int32_t step;    /* 1 higher, -1 lower; 0: it is no regulating step */
 };
 
 #define OPENRTU_LOCAL 0x01u /* by somebody on site, with rtuctl */

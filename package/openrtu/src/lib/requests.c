@@ -36,7 +36,9 @@ static bool is_sound(const struct openrtu *rtu, const struct map_request *reques
 {
 	const enum map_type type = (enum map_type)map_config(rtu->map)->points[request->point].type;
 
-	return request->step == 0 && value_is_sound(type, request->value);
+	if (request->step != 0)
+		return type == MAP_STEP && (request->step == 1 || request->step == -1);
+	return value_is_sound(type, request->value);
 }
 
 static void take_selection(struct openrtu *rtu, struct asked *asked, const struct map_request *request)
@@ -135,6 +137,15 @@ void requests_settle(struct openrtu *rtu)
 
 /* ---- what the module asks and says ------------------------------------------------------- */
 
+/* The last value and a step, as far as the type goes. */
+static union map_value stepped(const struct openrtu *rtu, uint32_t own, int step)
+{
+	const union map_value last = rtu->samples[rtu->input_count + own].value;
+	const union map_value wanted = {.i = last.i + step};
+
+	return value_is_sound(MAP_STEP, wanted) ? wanted : last;
+}
+
 static struct openrtu_request request_of(const struct openrtu *rtu, uint32_t own,
 					 const struct map_request *is)
 {
@@ -143,9 +154,11 @@ static struct openrtu_request request_of(const struct openrtu *rtu, uint32_t own
 	return (struct openrtu_request){
 	    .point = point,
 	    .pulse_ms = is->pulse_ms,
-	    .value = value_number(type_of(rtu, point), is->value),
+	    .value =
+		value_number(type_of(rtu, point), is->step != 0 ? stepped(rtu, own, is->step) : is->value),
 	    .time_ns = is->time_ns,
 	    .flags = map_cause_of(rtu->map, is) == MAP_RETURN_LOCAL ? OPENRTU_LOCAL : 0,
+	    .step = is->step,
 	};
 }
 

@@ -23,7 +23,7 @@ static const struct {
 };
 #define NO_QUALITY "M_ME_ND_1"
 #define PRIVATE    "private"
-#define STEP       " C_RC_NA_1"
+#define STEP       "C_RC_NA_1"
 
 /* Columns of the control centre, of the Modbus side, and all other keys of an object. */
 static const char *const centre_columns[] = {"ca",   "ioa",  "type",      "event_type", "command_type",
@@ -94,7 +94,17 @@ static const char *type_of(const struct row *row, bool event)
 
 static const char *command_of(const struct row *row)
 {
-	return row->point->flags & MAP_POINT_COMMAND ? types[iec104_carrier_of(row->point)].command : "";
+	if (!(row->point->flags & MAP_POINT_COMMAND))
+		return "";
+	if (row->point->type == MAP_STEP && row->point->step > 0)
+		return STEP;
+	return types[iec104_carrier_of(row->point)].command;
+}
+
+/* What a register takes beside its set-points. */
+static const char *steps_of(const struct row *row)
+{
+	return row->point->step > 0 && row->point->type != MAP_STEP ? " " STEP : "";
 }
 
 static const char *direction_of(const struct row *row)
@@ -228,7 +238,7 @@ static bool put_csv(FILE *out, const struct row *row)
 	map_point_name(row->config, row->point, name);
 	group_of(row, group);
 	fprintf(out, "%u,%u,%s,%s,%s%s", row->set->ca, row->point->ioa, type_of(row, false),
-		type_of(row, true), command_of(row), row->point->step > 0 ? STEP : "");
+		type_of(row, true), command_of(row), steps_of(row));
 	put_next(out, name);
 	put_next(out, text_of(row, OBJECT_UNIT));
 	put_next(out, direction_of(row));
@@ -265,7 +275,7 @@ static void put_markdown(FILE *out, const struct row *row)
 
 	map_point_name(row->config, row->point, name);
 	group_of(row, group);
-	snprintf(command, sizeof(command), "%s%s", command_of(row), row->point->step > 0 ? STEP : "");
+	snprintf(command, sizeof(command), "%s%s", command_of(row), steps_of(row));
 	const char *const cells[] = {type_of(row, false),       type_of(row, true), command, name,
 				     text_of(row, OBJECT_UNIT), direction_of(row),  group,   row->set->name};
 
