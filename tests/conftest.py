@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the tests share: the tree's root and the built programs, a gateway on a desk."""
 
+import gc
 import os
 import signal
 from collections import Counter
@@ -49,6 +50,16 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if config.getoption("--dist") == "loadfile":
         slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
         items.sort(key=lambda item: (file_of(item.nodeid) in SPREAD, -slow[item.path]))
+
+
+def pytest_collection(session: pytest.Session) -> None:
+    """A search for garbage in what is collected finds none, and takes a fifth of the time."""
+    gc.disable()
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    gc.freeze()
+    gc.enable()
 
 
 def file_of(test: str) -> str:

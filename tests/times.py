@@ -50,6 +50,7 @@ class Times:
 
     def __init__(self) -> None:
         self._costs: dict[str, Cost] = defaultdict(Cost)
+        self._last: dict[str, tuple[float, str]] = {}  # of each worker the last test: its end, its name
         self._begun_s = time.time()
         self._cpu_before_s = 0.0
 
@@ -71,6 +72,8 @@ class Times:
         cost.failed = max(cost.failed, int(report.failed))
         cost.seconds += report.duration
         cost.cpu_s += sum(value for name, value in report.user_properties if name == CPU)
+        if worker := getattr(report, "worker_id", ""):
+            self._last[worker] = (report.stop, report.nodeid)
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         if not self._costs:
@@ -79,6 +82,8 @@ class Times:
         terminalreporter.section("what the tests cost")
         for line in table(self._costs, ended_s - self._begun_s):
             terminalreporter.write_line(line)
+        for worker, (stopped_s, test) in sorted(self._last.items()):
+            terminalreporter.write_line(f"{worker} ended after {stopped_s - self._begun_s:.0f} s with {test}")
         if file := os.environ.get("OPENRTU_TIMES"):
             Path(file).parent.mkdir(parents=True, exist_ok=True)
             costs = {test: asdict(cost) for test, cost in self._costs.items()}

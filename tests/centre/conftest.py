@@ -10,7 +10,8 @@ from control_room import POINTS, Site, Stations, described
 from lab.vehicles import Station
 from postgres import Server
 
-STORES = ("sqlite", "postgresql")
+# What the page is told is the same of both; test_centre_postgres.py is quick as well.
+STORES = ("sqlite", pytest.param("postgresql", marks=pytest.mark.slow))
 
 
 @pytest.fixture(scope="module")

@@ -15,6 +15,7 @@ from image.parts import completed
 
 ROOT = Path(__file__).resolve().parents[2]
 PARTS = ["Makefile", ".github", "board", "br2-external", "configs", "docs", "dts", "package", "patches"]
+NOT_READ = shutil.ignore_patterns("src", "qemu", "figures", "examples", "*.patch")
 GATEWAY = "configs/nuc980_gateway_defconfig"
 LTS = "configs/nuc980_gateway_lts_defconfig"
 LINUX = "board/nuc980/linux"
@@ -45,7 +46,7 @@ def test_there_is_something_to_check() -> None:
 def tree(tmp_path: Path) -> Path:
     for name in PARTS:
         if (ROOT / name).is_dir():
-            shutil.copytree(ROOT / name, tmp_path / name, symlinks=True, ignore=shutil.ignore_patterns("src"))
+            shutil.copytree(ROOT / name, tmp_path / name, symlinks=True, ignore=NOT_READ)
         else:
             shutil.copy(ROOT / name, tmp_path / name)
     return tmp_path
