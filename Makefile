@@ -437,8 +437,8 @@ build/offline/overrides.mk: configs/offline.toml scripts/image/offline.py
 	$(MAKE) $$($(OFFLINE) targets)
 	$(OFFLINE) overrides $@
 
-build/offline/toolchain/done: scripts/offline-toolchain.sh | build/packages-offline.done $(PACKAGES)
-	scripts/offline-toolchain.sh $(@D)
+build/offline/toolchain/done: scripts/offline-toolchain.sh $(SYSROOT) | build/packages-offline.done
+	scripts/offline-toolchain.sh $(@D) $(dir $(SYSROOT))
 
 build/buildroot/Makefile: configs/kas.yml | $(VENV)
 	KAS_WORK_DIR=build KAS_BUILD_DIR=build/kas .venv/bin/kas checkout --skip setup_environ --skip write_bbconfig $< \

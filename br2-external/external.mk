@@ -7,8 +7,9 @@ define OPENRTU_LINUX_IMAGE_FOLDER
 endef
 LINUX_PRE_BUILD_HOOKS += OPENRTU_LINUX_IMAGE_FOLDER
 
-# CVEs name releases, and the vendor's kernel is a commit. The real-time patch is for exactly one release: patch-5.10.140-rt73.
-LINUX_CPE_ID_VERSION ?= $(word 2,$(subst -, ,$(notdir $(LINUX_PATCHES))))
+# CVEs name releases, and the vendor's kernel is a commit, which Buildroot takes for the version by now. The real-time patch
+# is for exactly one release: patch-5.10.140-rt73.
+LINUX_CPE_ID_VERSION = $(word 2,$(subst -, ,$(notdir $(LINUX_PATCHES))))
 
 # Buildroot builds local sources and device trees once: what changed since then would not be in the image.
 openrtu_sources := $(shell find $(BR2_EXTERNAL_OPENRTU_PATH)/../package/openrtu -type f)

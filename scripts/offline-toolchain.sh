@@ -1,15 +1,16 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-3.0-or-later
-# offline-toolchain.sh FOLDER: Debian's cross compiler for armel, in the layout that Buildroot takes as a toolchain.
+# offline-toolchain.sh FOLDER ARMEL: Debian's cross compiler for armel, in the layout that Buildroot takes as a toolchain.
 #
 # FOLDER has bin, lib/gcc-cross and arm-linux-gnueabi/sysroot. Debian's own layout will not do: its C library is not in a
-# sysroot, and Buildroot refuses a compiler that was configured with the sysroot /.
+# sysroot, and Buildroot refuses a compiler that was configured with the sysroot /. ARMEL is the sysroot of make setup.
 set -euo pipefail
 
 target=arm-linux-gnueabi
 version=12
 root=${DEBIAN_ROOT:-} # a test's stand-in for /
 folder=$(realpath -m "$1")
+armel=$(realpath -e "$2")
 sysroot=$folder/$target/sysroot
 
 [[ -x $root/usr/bin/$target-gcc-$version && -e $root/usr/$target/lib/libc.a ]] || {
@@ -24,7 +25,7 @@ mkdir -p "$folder"/{bin,real,lib/gcc-cross,"$target"/bin} "$sysroot"/{lib,usr/li
 cp --archive "$root/usr/lib/gcc-cross/$target" "$folder/lib/gcc-cross/"
 for program in "$root/usr/bin/$target"-*; do
 	name=${program##*/}
-	cp --dereference "$program" "$folder/real/$name"
+	cp --dereference --preserve=timestamps "$program" "$folder/real/$name"
 done
 
 # The compiler for its sysroot, with what makes it another than Debian's left out of what it says of itself.
@@ -49,6 +50,10 @@ done
 cp "$folder/compiler" "$folder/bin/$target-cc"
 ln -s "$target-gcc" "$folder/real/$target-cc"
 rm "$folder/compiler"
+# ccache knows a compiler by its time: the same in each tree and run.
+for program in "$folder"/bin/*; do
+	[[ -L $program ]] || touch --reference="$folder/real/${program##*/}" "$program"
+done
 for name in ar as ld ld.bfd nm objcopy objdump ranlib readelf strip; do
 	ln -s "../../real/$target-$name" "$folder/$target/bin/$name"
 done
@@ -66,6 +71,12 @@ for file in "$root/usr/$target"/lib/*; do
 	fi ;;
 	*.so.*) cp --archive "$file" "$sysroot/lib/" ;;
 	esac
+done
+# Debian's cross package has the C library as it was at Debian's release; what was mended since is in armel's own.
+for file in "$sysroot"/{lib,usr/lib}/*; do
+	mended=$armel/${file#"$sysroot/"}
+	mended=${mended%/*}/arm-linux-gnueabi/${file##*/}
+	[[ -L $file || ${file##*/} == libc.so || ! -f $mended ]] || cp --dereference "$mended" "$file"
 done
 # A linker script names its parts from the sysroot on.
 sed -i "s,/usr/$target/lib/\([^ ]*\.a\),/usr/lib/\1,g; s,/usr/$target/lib/,/lib/,g" "$sysroot/usr/lib/libc.so"

@@ -8,6 +8,9 @@ images=$1
 board=$(realpath "$(dirname "$0")")
 tree=$images/nuc980-gateway.dtb
 
+# Buildroot compiles every tree of dts/nuvoton, those of other boards too.
+find "$images" -maxdepth 1 -name '*.dtb' ! -name nuc980-gateway.dtb -delete
+
 "$board/place-macs.sh" "$tree"
 
 # Nothing of an image that is refused is left where nuc980-netboot looks.

@@ -23,6 +23,8 @@ from nuc980.errors import UnusableInput
 
 ROOT = Path(__file__).resolve().parents[2]
 TABLE = ROOT / "configs" / "offline.toml"
+TOOLCHAIN = "toolchain-external-custom"
+C_LIBRARY = ROOT / "build/offline/toolchain/arm-linux-gnueabi/sysroot/lib/libc.so.6"
 # What Buildroot's package-generic leaves behind for each step that it has done.
 STEPS = (
     "downloaded",
@@ -168,6 +170,7 @@ def described(packages: Mapping[str, Mapping[str, Any]], table: Table) -> dict[s
         name: package
         | {"dependencies": [each for each in package.get("dependencies", ()) if each not in machines]}
         | (of_debian(package, sources[name]) if name in sources else {})
+        | (c_library(C_LIBRARY.read_bytes()) if name == TOOLCHAIN else {})
         for name, package in packages.items()
         if name not in machines
     }
@@ -189,6 +192,25 @@ def of_debian(package: Mapping[str, Any], source: Source) -> dict[str, Any]:
         words[5:7] = number, update or "-"
         row["cpe-id"] = ":".join(words)
     return row
+
+
+def c_library(content: bytes) -> dict[str, str]:
+    """
+    What the toolchain brings into the image: of it Buildroot knows no release.
+
+    >>> c_library(b"GNU C Library (Debian GLIBC 2.36-9+deb12u14) stable release version 2.36.")["version"]
+    '2.36'
+    """
+    found = re.search(rb"GNU C Library \([^)]*\) stable release version ([\d.]+)\.", content)
+    if found is None:
+        raise UnusableInput(f"{C_LIBRARY} names no release of the GNU C Library")
+    release = found[1].decode()
+    return {
+        "name": "glibc",
+        "version": release,
+        "licenses": "LGPL-2.1+",
+        "cpe-id": f"cpe:2.3:a:gnu:glibc:{release}:-:*:*:*:*:*:*",
+    }
 
 
 def stands_in(name: str, package: Mapping[str, Any], table: Table) -> bool:

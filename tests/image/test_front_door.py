@@ -33,9 +33,13 @@ savedefconfig:
 	cp $(O)/.config $(BR2_DEFCONFIG)
 include $(BR2_EXTERNAL)/external.mk
 """
-# What `make sbom` calls of Buildroot's; all that show-info says here is Linux' version in its CPE.
-SHOW_INFO = """\
+# What `make sbom` calls of Buildroot's; all that show-info says here is Linux' version in its CPE. Buildroot
+# has taken the commit for it before it reads external.mk.
+LINUX = """\
 LINUX_PATCHES = https://example.net/patch-5.10.140-rt73.patch
+LINUX_CPE_ID_VERSION = d366b3919a926b710e2b819556849967f6fe311c
+"""
+SHOW_INFO = """\
 show-info:
 	@echo $(LINUX_CPE_ID_VERSION)
 """
@@ -253,7 +257,7 @@ def git(folder: Path, *words: str) -> str:
 
 @pytest.mark.slow
 def test_sbom_is_the_images_with_its_version_and_a_release_of_linux(tree: Tree) -> None:
-    (tree.buildroot / "Makefile").write_text(BUILDROOT + SHOW_INFO)
+    (tree.buildroot / "Makefile").write_text(LINUX + BUILDROOT + SHOW_INFO)
     generator = tree.buildroot / "utils/generate-cyclonedx"
     generator.parent.mkdir()
     generator.write_text(GENERATE)

@@ -157,6 +157,18 @@ def test_manifest_says_what_is_there(output: Output) -> None:
     assert files["uImage"]["sha256"] == hashlib.sha256(uimage).hexdigest()
 
 
+def test_image_has_the_tree_of_its_board_alone(output: Output) -> None:
+    """Buildroot compiles those of all boards in dts/nuvoton."""
+    (output.images / "nuc980-numaker.dtb").write_bytes((output.images / "nuc980-gateway.dtb").read_bytes())
+    subprocess.run(
+        [ROOT / "board/nuc980/post-image.sh", output.images],
+        env={**os.environ, "BR2_CONFIG": str(output.folder / ".config"), "SITE_SETTINGS": ""},
+        check=True,
+    )
+    names = {row["name"] for row in json.loads(output.manifest.read_text())["files"]}
+    assert names == {"nuc980-gateway.dtb", "rootfs.ubi", "uImage"}
+
+
 def test_manifest_names_the_sources(output: Output) -> None:
     assert output.judge() == 0
     sources = json.loads(output.manifest.read_text())["sources"]

@@ -163,6 +163,22 @@ def test_bill_has_debians_release_and_nothing_that_buildroot_would_patch(fetched
     assert [each["dependencies"] for each in bill.values()] == [["toolchain"], ["libmodbus"]]
 
 
+def test_bill_has_the_c_library(
+    fetched: offline.Source, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """CVEs of it concern the image, and Buildroot knows it as a toolchain without a version."""
+    library = tmp_path / "libc.so.6"
+    library.write_bytes(b"\0GNU C Library (Debian GLIBC 2.36-9+deb12u14) stable release version 2.36.\n\0")
+    monkeypatch.setattr(offline, "C_LIBRARY", library)
+    toolchain = {"toolchain-external-custom": package("target", "toolchain", archive=False)}
+    (row,) = offline.described(toolchain, offline.Table((fetched,), {})).values()
+    assert (row["name"], row["version"]) == ("glibc", "2.36")
+    assert row["cpe-id"] == "cpe:2.3:a:gnu:glibc:2.36:-:*:*:*:*:*:*"
+    library.write_bytes(b"another one")
+    with pytest.raises(UnusableInput, match="names no release"):
+        offline.described(toolchain, offline.Table((fetched,), {}))
+
+
 def test_portable_openssh_is_known_by_release_and_update(fetched: offline.Source) -> None:
     fetched.description.write_text("Version: 1:9.2p1-2+deb12u10\n")
     known = {"cpe-id": "cpe:2.3:a:openbsd:openssh:10.2:p2:*:*:*:*:*:*"}
@@ -206,9 +222,19 @@ def test_target_package_without_a_row_is_named() -> None:
 
 
 @pytest.fixture(scope="module")
-def toolchain(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def armel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Of Debian's own C library for armel, what tells it from the cross package's."""
+    folder = tmp_path_factory.mktemp("armel")
+    for file in ("lib/arm-linux-gnueabi/libnsl.so.1", "usr/lib/arm-linux-gnueabi/libg.a"):
+        (folder / file).parent.mkdir(parents=True)
+        (folder / file).write_text("mended since")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def toolchain(tmp_path_factory: pytest.TempPathFactory, armel: Path) -> Path:
     folder = tmp_path_factory.mktemp("offline") / "toolchain"
-    subprocess.run([ROOT / "scripts/offline-toolchain.sh", folder], check=True)
+    subprocess.run([ROOT / "scripts/offline-toolchain.sh", folder, armel], check=True)
     return folder
 
 
@@ -242,6 +268,18 @@ def test_toolchain_knows_nothing_of_the_machines_libraries(toolchain: Path, tmp_
     )
 
 
+def test_toolchain_has_the_c_library_as_it_was_mended(toolchain: Path) -> None:
+    sysroot = toolchain / "arm-linux-gnueabi/sysroot"
+    for file in ("lib/libnsl.so.1", "usr/lib/libg.a"):
+        assert (sysroot / file).read_text() == "mended since"
+
+
+def test_ccache_knows_the_compiler_again(toolchain: Path) -> None:
+    """By its time, which is Debian's."""
+    times = {(toolchain / "bin" / f"arm-linux-gnueabi-{name}").stat().st_mtime for name in ("cc", "gcc")}
+    assert times == {Path("/usr/bin/arm-linux-gnueabi-gcc-12").stat().st_mtime}
+
+
 def test_container_has_what_is_copied_into_it() -> None:
     """Nothing here can build it."""
     lines = (ROOT / "scripts/Containerfile").read_text().splitlines()
@@ -252,7 +290,7 @@ def test_container_has_what_is_copied_into_it() -> None:
 
 
 def test_machine_without_the_compiler_is_told_what_to_do(tmp_path: Path) -> None:
-    words = [ROOT / "scripts/offline-toolchain.sh", tmp_path / "toolchain"]
+    words = [ROOT / "scripts/offline-toolchain.sh", tmp_path / "toolchain", tmp_path]
     done = subprocess.run(
         words, env={**os.environ, "DEBIAN_ROOT": str(tmp_path)}, capture_output=True, text=True
     )
