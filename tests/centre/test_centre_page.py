@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The page in a browser: all of it from here, no name that runs, each fate of a command, keys alone."""
 
+import re
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -161,11 +162,15 @@ def green_middle(page: Page) -> dict[str, float]:
     return dict(found)
 
 
-def test_marker_is_where_the_vehicle_is(page: Page, stations: Stations, north: Station) -> None:
-    """Within a pixel, once it is all drawn. The legend, which has the colour too, is put away."""
+def open_map(page: Page) -> None:
+    """The legend, which has the markers' colours, is put away."""
     view(page, "map")
-    until(lambda: page.evaluate("Boolean(openrtuMap.style)"), "the map")
+    until(lambda: page.evaluate("Boolean(openrtuMap.style?.getLayer('marks'))"), "the map")
     page.evaluate("document.querySelector('.legend').remove()")
+
+
+def marker_is_seen(page: Page, stations: Stations, north: Station) -> None:
+    """Within a pixel of its place, once it is all drawn."""
 
     def is_there() -> bool:
         # At each look: the map goes to all its places by itself when it sees the first of them.
@@ -177,6 +182,79 @@ def test_marker_is_where_the_vehicle_is(page: Page, stations: Stations, north: S
         return middle["count"] > 50 and all(abs(middle[axis] - wanted[axis]) <= 1 for axis in "xy")
 
     until(is_there, "a green marker at its place")
+
+
+def test_marker_is_where_the_vehicle_is(page: Page, stations: Stations, north: Station) -> None:
+    open_map(page)
+    marker_is_seen(page, stations, north)
+
+
+LOSE = """() => {
+  const context = openrtuMap.getCanvas().getContext("webgl2").getExtension("WEBGL_lose_context");
+  openrtuMap.once("webglcontextlost", () => { window.lost = true; setTimeout(() => context.restoreContext()); });
+  context.loseContext();
+}"""
+
+
+def test_marker_is_back_after_a_lost_context_and_in_another_theme(
+    page: Page, stations: Stations, north: Station
+) -> None:
+    open_map(page)
+    marker_is_seen(page, stations, north)
+    page.evaluate(LOSE)
+    until(lambda: page.evaluate("window.lost && Boolean(openrtuMap.style?.getLayer('marks'))"), "it is back")
+    marker_is_seen(page, stations, north)
+    page.locator("#theme").click()
+    page.locator("#theme").click()
+    marker_is_seen(page, stations, north)
+
+
+LABELS = """() => openrtuMap.getLayer("labels")
+  ? openrtuMap.queryRenderedFeatures({ layers: ["labels"] }).map((each) => each.properties.label) : []"""
+
+
+def test_marker_has_a_text_and_is_chosen_by_a_pointer(page: Page, stations: Stations, north: Station) -> None:
+    """Its name; what is not good has its word and age, too."""
+    open_map(page)
+    marker_is_seen(page, stations, north)
+    until(lambda: "north" in page.evaluate(LABELS), "the text of a good one")
+    place = page.evaluate(f"openrtuMap.project([{BELGRADE[1]}, {BELGRADE[0]}])")
+    page.locator(".maplibregl-canvas").click(position={"x": place["x"] + 5, "y": place["y"]})
+    expect(page.locator(".about h2")).to_have_text("north")
+    stations.say(north, 1, POSITION, position(now_ms(), *BELGRADE, 117, fix=0))
+    until(
+        lambda: any(re.fullmatch(r"north\ninvalid, \d+ s", each) for each in page.evaluate(LABELS)),
+        "the text of an invalid one",
+    )
+    stations.say(north, 1, POSITION, position(now_ms(), *BELGRADE, 117))
+
+
+MANY = """async () => {
+  const live = await import("./js/live.js");
+  const station = [...live.stations.keys()][0];
+  for (let number = 0; number < 10000; number++) {
+    live.points.set(1e6 + number, { id: 1e6 + number, station, content: 100, at: live.now(), quality: 0, name: `many ${number}`,
+      latitude: 40 + (number % 100) / 10, longitude: 15 + Math.floor(number / 100) / 10, altitude: 0, satellites: 9 });
+  }
+}"""
+# Which of them is drawn at its own place by the pixels of the map: each has its number.
+AT = """(number) => {
+  const marks = openrtuMap.getLayer("marks").implementation;
+  const place = marks.places.find((each) => each.id === `p${1e6 + number}`);
+  return place && marks.under({ toArray: () => place.lngLat }).id === place.id;
+}"""
+
+
+def test_ten_thousand_markers_have_texts_where_these_can_be_read(page: Page) -> None:
+    open_map(page)
+    page.evaluate("openrtuMap.jumpTo({center: [20, 45], zoom: 5})")
+    page.evaluate(MANY)
+    count = "openrtuMap.getLayer('marks').implementation.places.length"
+    until(lambda: page.evaluate(count) >= 10_000, "all are drawn")
+    until(lambda: page.evaluate(LABELS) == [], "no text can be read")
+    assert all(page.evaluate(AT, number) for number in (0, 99, 4321, 9999))
+    page.evaluate("openrtuMap.jumpTo({center: [20.05, 45.05], zoom: 11})")
+    until(lambda: page.evaluate(LABELS), "texts")
 
 
 def test_map_of_ones_own(page: Page, site: Site) -> None:
