@@ -39,7 +39,8 @@ MEASURE = """async ([seconds, dragged]) => {
   marks.show = (places) => {
     const before = marks.numbers;
     told(places);
-    for (let at = 0; at < before.length; at += 3) moved += before[at] !== marks.numbers[at] || before[at + 1] !== marks.numbers[at + 1];
+    const differs = (at) => before[at] !== marks.numbers[at];
+    for (let at = 0; at < before.length; at += 3) moved += differs(at) || differs(at + 1);
   };
   const count = () => { drawn += 1; };
   openrtuMap.on("render", count);

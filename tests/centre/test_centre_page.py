@@ -191,7 +191,10 @@ def test_marker_is_where_the_vehicle_is(page: Page, stations: Stations, north: S
 
 LOSE = """() => {
   const context = openrtuMap.getCanvas().getContext("webgl2").getExtension("WEBGL_lose_context");
-  openrtuMap.once("webglcontextlost", () => { window.lost = true; setTimeout(() => context.restoreContext()); });
+  openrtuMap.once("webglcontextlost", () => {
+    window.lost = true;
+    setTimeout(() => context.restoreContext());
+  });
   context.loseContext();
 }"""
 
@@ -233,11 +236,12 @@ MANY = """async () => {
   const live = await import("./js/live.js");
   const station = [...live.stations.keys()][0];
   for (let number = 0; number < 10000; number++) {
-    live.points.set(1e6 + number, { id: 1e6 + number, station, content: 100, at: live.now(), quality: 0, name: `many ${number}`,
-      latitude: 40 + (number % 100) / 10, longitude: 15 + Math.floor(number / 100) / 10, altitude: 0, satellites: 9 });
+    const place = { latitude: 40 + (number % 100) / 10, longitude: 15 + Math.floor(number / 100) / 10 };
+    const id = 1e6 + number;
+    live.points.set(id, { id, station, name: "", content: 100, at: live.now(), quality: 0, ...place });
   }
 }"""
-# Which of them is drawn at its own place by the pixels of the map: each has its number.
+# Whether a pointer at its place finds it.
 AT = """(number) => {
   const marks = openrtuMap.getLayer("marks").implementation;
   const place = marks.places.find((each) => each.id === `p${1e6 + number}`);
@@ -446,6 +450,83 @@ def test_languages_theme_and_logout(page: Page) -> None:
     expect(page.locator("#name")).to_be_focused()
     page.reload()
     expect(page.locator("#name")).to_be_visible()
+
+
+@pytest.fixture
+def engineer(browser: Browser, site: Site) -> Iterator[Page]:
+    context = browser.new_context(viewport={"width": 360, "height": 700}, locale="en-GB")
+    made = context.new_page()
+    log_in(made, site.port, "emil", PASSWORD, "users")
+    yield made
+    context.close()
+
+
+def test_engineer_manages_users_by_keys_alone(engineer: Page, site: Site) -> None:
+    """On a phone's width. A wrong password of one's own changes nothing."""
+    engineer.get_by_role("button", name="Add user").press("Enter")
+    dialog = engineer.locator("dialog")
+    expect(dialog.get_by_label("Name")).to_be_focused()
+    for typed in ("ines", "o", None, PASSWORD, None, "wrong password"):
+        if typed:
+            engineer.keyboard.type(typed)
+        engineer.keyboard.press("Tab")
+    engineer.keyboard.press("Shift+Tab")
+    dialog.get_by_label(EVIL).press("Space")
+    dialog.get_by_label("Your own password").press("Enter")
+    expect(dialog.locator(".error")).to_have_text("Your own password is wrong.")
+    assert not [each for each in site.client("emil").get("/api/users") if each["name"] == "ines"]
+    dialog.get_by_label("Your own password").fill(PASSWORD)
+    dialog.get_by_label("Your own password").press("Enter")
+    row = engineer.locator("tr", has_text="ines")
+    expect(row).to_contain_text("Operator")
+    expect(row).to_contain_text(EVIL)
+    assert [each["name"] for each in site.client("ines").get("/api/stations")] == [EVIL]
+    row.get_by_role("button", name="Change").press("Enter")
+    dialog.get_by_label("disabled").press("Space")
+    dialog.get_by_label("Your own password").fill(PASSWORD)
+    dialog.get_by_label("Your own password").press("Enter")
+    expect(row).to_contain_text("disabled")
+    with pytest.raises(AnswerError):
+        site.client("ines")
+    row.get_by_role("button", name="Change").press("Enter")
+    dialog.get_by_label("Your own password").fill(PASSWORD)
+    dialog.get_by_role("button", name="Remove").press("Enter")
+    expect(row).to_have_count(0)
+
+
+def test_engineer_reads_the_audit(engineer: Page, site: Site) -> None:
+    client = site.client("olga")
+    station = next(each["id"] for each in client.get("/api/stations") if each["name"] == "north")
+    client.post(f"/api/stations/{station}/interrogate")
+    engineer.get_by_role("button", name="Audit").press("Enter")
+    engineer.get_by_label("Who").fill("olga")
+    engineer.get_by_label("What").select_option("stations")
+    engineer.get_by_label("Station").select_option("north")
+    rows = engineer.locator("tbody tr")
+    expect(rows.first).to_contain_text("interrogate")
+    expect(rows.first).to_contain_text("north")
+    with engineer.expect_download() as file:
+        engineer.get_by_role("link", name="CSV").click()
+    lines = file.value.path().read_text().splitlines()
+    assert {line.split(",")[1:4] == ["olga", "interrogate", "north"] for line in lines[1:]} == {True}
+    engineer.get_by_label("What").select_option("users")
+    expect(engineer.locator(".empty")).to_contain_text("Nobody did such a thing")
+
+
+def test_engineers_view_fits_a_phone_in_each_language(engineer: Page) -> None:
+    for language, word in (("de", "Benutzer"), ("sr", "Корисници"), ("es", "Usuarios"), ("en", "Users")):
+        engineer.locator("#language").select_option(language)
+        expect(engineer.locator("nav a").last).to_have_text(word)
+        assert engineer.evaluate("document.documentElement.scrollWidth") <= 360, language
+
+
+def test_operator_finds_no_users(page: Page) -> None:
+    """The view is not there, and what it would ask is refused."""
+    expect(page.locator("nav a[href='#users']")).to_have_count(0)
+    page.evaluate("location.hash = '#users'")
+    expect(page.locator("nav a[href='#map']")).to_have_attribute("aria-current", "page")
+    for path in ("users", "audit", "audit?format=csv"):
+        assert page.evaluate("(path) => fetch(`api/${path}`).then((said) => said.status)", path) == 403
 
 
 def test_an_engineer_sees_the_frames_of_a_station(browser: Browser, site: Site) -> None:
