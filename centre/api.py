@@ -29,6 +29,16 @@ COMMANDS = ", ".join(f'"{column}"' for column in COMMAND_COLUMNS)
 ROWS = 500  # of a page
 ROWS_AT_ONCE = 2000  # of a file: what is in memory
 DAY_S = 86400.0
+AUDIT_S = 30 * DAY_S
+# What the audit's actions are.
+AUDITED = {
+    "commands": ("select", "command", "execute", "release", "cancel", "command refused"),
+    "alarms": ("acknowledge", "shelve"),
+    "stations": ("interrogate", "trace"),
+    "exports": ("export",),
+    "logins": ("login", "token"),
+    "users": ("user", "user removed"),
+}
 TOKEN_DAYS_MOST = 366
 STRETCH_NS = 60 * 10**9
 INTEGER_MOST = 2**63 - 1
@@ -123,9 +133,9 @@ async def _newest(asked: Asked, sql: str, at: str, begin: int, end: int, *values
     return found
 
 
-async def _export(asked: Asked, what: str) -> None:
+async def _export(asked: Asked, what: str, station: int | None = None) -> None:
     await asked.centre.store.write(
-        lambda database: audit(database, time.time_ns(), asked.session.user, "export", what)
+        lambda database: audit(database, time.time_ns(), asked.session.user, "export", what, station)
     )
 
 
@@ -180,7 +190,7 @@ async def history(asked: Asked) -> Any:
     point = asked.point(_id(asked))
     begin, end = _span(asked, 3600)
     if asked.query.get("format") == "csv":
-        await _export(asked, f"history of {point.meaning.name}")
+        await _export(asked, f"history of {point.meaning.name}", point.station)
         return await _file(
             asked, _history_lines(asked, point.id, begin, end), "text/csv", f"point-{point.id}.csv"
         )
@@ -284,7 +294,9 @@ async def tracks(asked: Asked) -> Any:
                 )  # fmt: skip
             yield writer.end_track()
 
-    return await _places(asked, "tracks", pieces)
+    return await _places(
+        asked, "tracks", pieces, asked.centre.model.points[chosen].station if chosen else None
+    )
 
 
 async def _track(asked: Asked, point: int, begin: int, end: int, step_ns: int) -> AsyncIterator[list[Row]]:
@@ -308,14 +320,17 @@ async def _track(asked: Asked, point: int, begin: int, end: int, step_ns: int) -
 
 
 async def _places(
-    asked: Asked, what: str, pieces: Callable[[Writer], AsyncIterator[str]]
+    asked: Asked,
+    what: str,
+    pieces: Callable[[Writer], AsyncIterator[str]],
+    station: int | None = None,
 ) -> web.StreamResponse:
     form = asked.query.get("format", "geojson")
     if form not in formats.FORMATS:
         raise RefusedError(400, "form", f"{form} is no format: {', '.join(formats.FORMATS)}")
     writer = formats.FORMATS[form](asked.centre.settings.gap_s)
     if "format" in asked.query:
-        await _export(asked, f"{what} as {form}")
+        await _export(asked, f"{what} as {form}", station)
 
     async def whole() -> AsyncIterator[str]:
         yield writer.begin()
@@ -408,25 +423,77 @@ async def trace(asked: Asked) -> Any:
     return await asked.centre.trace(asked.session.user, station.id, _asked(asked, "after", 0))
 
 
-async def audited(asked: Asked) -> list[Json]:
-    """Newest first."""
+async def audited(asked: Asked) -> Any:
+    """Newest first; as a file, oldest first."""
+    begin, end = _span(asked, AUDIT_S)
+    where, values = _audit_filter(asked)
+    if asked.query.get("format") == "csv":
+        await _export(asked, "audit")
+        return await _file(asked, _audit_lines(asked, where, values, begin, end), "text/csv", "audit.csv")
     return await asked.centre.store.read(
-        'SELECT id, at_ns / 1000000 AS at, "user", action, detail FROM audit ORDER BY id DESC LIMIT ?', ROWS
-    )
+        'SELECT id, at_ns / 1000000 AS at, "user", action, station, detail FROM audit'
+        f" WHERE at_ns BETWEEN ? AND ?{where} ORDER BY id DESC LIMIT ?",
+        begin, end, *values, ROWS,
+    )  # fmt: skip
+
+
+def _audit_filter(asked: Asked) -> tuple[str, list[Any]]:
+    """Conditions, and their values."""
+    where, values = "", []
+    if "user" in asked.query:
+        where += ' AND "user" = ?'
+        values.append(asked.query["user"])
+    if "station" in asked.query:
+        where += " AND station = ?"
+        values.append(_asked(asked, "station", 0))
+    if kind := asked.query.get("kind"):
+        if kind not in AUDITED:
+            raise RefusedError(400, "form", f"{kind} is no kind: {', '.join(AUDITED)}")
+        where += f" AND action IN ({', '.join('?' * len(AUDITED[kind]))})"
+        values += AUDITED[kind]
+    return where, values
+
+
+async def _audit_lines(
+    asked: Asked, where: str, values: list[Any], begin: int, end: int
+) -> AsyncIterator[str]:
+    yield formats.table([["time", "user", "action", "station", "detail"]])
+    names = {id_: station.settings.name for id_, station in asked.stations().items()}
+    sql = f'SELECT at_ns, id AS key, "user", action, station, detail FROM audit WHERE TRUE{where}'
+    async for rows in _rows(asked, sql, "id", begin, end, *values):
+        yield formats.table(
+            (
+                moment(row["at_ns"] // NS_PER_MS),
+                row["user"],
+                row["action"],
+                names.get(row["station"], ""),
+                row["detail"],
+            )
+            for row in rows
+        )
 
 
 async def all_users(asked: Asked) -> list[Json]:
-    rows = await asked.centre.store.read("SELECT name, role, groups FROM users ORDER BY name")
-    return [{**row, "groups": row["groups"].split("\n") if row["groups"] else []} for row in rows]
+    rows = await asked.centre.store.read("SELECT name, role, groups, disabled FROM users ORDER BY name")
+    return [
+        {
+            **row,
+            "groups": row["groups"].split("\n") if row["groups"] else [],
+            "disabled": bool(row["disabled"]),
+        }
+        for row in rows
+    ]
 
 
 async def put_user(asked: Asked) -> Json:
-    body = asked.body
-    by = asked.session.user
+    """Whoever manages users stays one: so there is always one."""
+    body, by = asked.body, asked.session.user
+    name, role, disabled = body["name"], body["role"], body.get("disabled", False)
+    if name == by and (disabled or role != users.ROLES[-1]):
+        raise RefusedError(409, "yourself", "another engineer must take your role")
+    password, groups = body.get("password"), body.get("groups", [])
     await asked.centre.store.write(
-        lambda database: users.put(
-            database, body["name"], body["role"], body["password"], by, body.get("groups", [])
-        )
+        lambda database: users.put(database, name, role, password, by, groups, disabled)
     )
     return {}
 
@@ -467,6 +534,7 @@ CSV: dict[str, Json] = {"format": {"type": "string", "enum": ["csv"]}}
 FORMAT: dict[str, Json] = {"format": {"type": "string", "enum": list(formats.FORMATS)}}
 STEP = {"type": "integer", "description": "milliseconds: only the last place of each such time"}
 NAME = {"type": "string", "minLength": 1, "maxLength": users.NAME_MOST}
+PASSWORD = {"type": "string", "maxLength": 256}
 NUMBER = {"type": "number"}
 
 ROUTES = [
@@ -498,13 +566,17 @@ ROUTES = [
     Route("GET", "/api/stations/{id}/trace", "engineer",
           "the last frames of a station, in words; it is traced as long as somebody asks",
           trace, {"after": {"type": "integer", "description": "only frames behind this number"}}),
-    Route("GET", "/api/audit", "engineer", "who did what", audited),
+    Route("GET", "/api/audit", "engineer", "who did what, the last 30 days unless asked for", audited,
+          {**SPAN, **STATION, **CSV, "user": {"type": "string", "description": "only of this one"},
+           "kind": {"type": "string", "enum": list(AUDITED)}}),
     Route("GET", "/api/users", "engineer", "all users", all_users),
-    Route("POST", "/api/users", "engineer", "add a user, or give a new role and password", put_user,
-          body=_object(["name", "role", "password"], name=NAME, role={"enum": list(users.ROLES)},
-                       password={"type": "string", "maxLength": 256},
+    Route("POST", "/api/users", "engineer", "add a user, or change one, who may keep the password", put_user,
+          confirms=True,
+          body=_object(["name", "role", "own_password"], name=NAME, role={"enum": list(users.ROLES)},
+                       password=PASSWORD, own_password=PASSWORD, disabled={"type": "boolean"},
                        groups={"type": "array", "items": {"type": "string", "maxLength": 64}})),
-    Route("DELETE", "/api/users/{name}", "engineer", "remove a user", remove_user),
+    Route("POST", "/api/users/{name}/remove", "engineer", "remove a user", remove_user, confirms=True,
+          body=_object(["own_password"], own_password=PASSWORD)),
     Route("POST", "/api/tokens", "viewer", "a token of one's own, for a program", token,
           body=_object(["label", "days"], label=NAME,
                        days={"type": "number", "exclusiveMinimum": 0, "maximum": TOKEN_DAYS_MOST})),

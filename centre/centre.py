@@ -262,7 +262,7 @@ class Centre:
         except RefusedError as error:
             text = f"{meaning.name} = {value:g}: {error}"
             await self.store.write(
-                lambda database: audit(database, time.time_ns(), user, "command refused", text)
+                lambda database: audit(database, time.time_ns(), user, "command refused", text, station.id)
             )
             raise
         release = station.settings.release
@@ -291,6 +291,7 @@ class Centre:
                 user,
                 "select" if meaning.selects else "command",
                 f"{meaning.name} = {value:g}",
+                station.id,
             )
             return self.intake.add_command(database, new)
 
@@ -351,7 +352,8 @@ class Centre:
             now = self.intake.model.commands.get(id_)
             if not now or now.state != State.ACCEPTED_SELECTION:
                 raise RefusedError(409, "not_selected", f"command {id_} is not selected any more")
-            audit(database, time.time_ns(), user, action, f"{point.meaning.name} = {command.value:g}")
+            text = f"{point.meaning.name} = {command.value:g}"
+            audit(database, time.time_ns(), user, action, text, station.id)
             following = replace(now, state=state, changed_ns=time.time_ns())
             self.intake.put_command(database, following)
             return following
@@ -376,7 +378,7 @@ class Centre:
         self._check_up(station)
         addresses = sorted({point.ca for point in self.model.points.values() if point.station == station_id})
         await self.store.write(
-            lambda database: audit(database, time.time_ns(), user, "interrogate", station.settings.name)
+            lambda database: audit(database, time.time_ns(), user, "interrogate", station=station_id)
         )
         for ca in addresses:
             await self._send(
@@ -394,7 +396,7 @@ class Centre:
                 raise RefusedError(409, "busy", f"{STATIONS_MOST} stations are traced already")
             self.traces[station_id] = Trace()
             await self.store.write(
-                lambda database: audit(database, time.time_ns(), user, "trace", station.settings.name)
+                lambda database: audit(database, time.time_ns(), user, "trace", station=station_id)
             )
             await self._send(station, records.trace(station.place, next(self._ids), True))
             task = asyncio.create_task(self._watch_trace(station_id))
@@ -429,7 +431,7 @@ class Centre:
             alarm = self._open_alarm(id_)
             if alarm.acknowledged_ns is not None:
                 raise RefusedError(409, "acknowledged", f"{alarm.acknowledged_by} has acknowledged it")
-            audit(database, time.time_ns(), user, "acknowledge", f"alarm {id_}: {alarm.kind}")
+            audit(database, time.time_ns(), user, "acknowledge", f"alarm {id_}: {alarm.kind}", alarm.station)
             alarm = replace(alarm, acknowledged_ns=time.time_ns(), acknowledged_by=user)
             self.intake.put_alarm(database, alarm)
             return alarm
@@ -442,7 +444,8 @@ class Centre:
         def put(database: Database) -> Alarm:
             until_ns = time.time_ns() + int(minutes * 60e9) if minutes else 0
             alarm = replace(self._open_alarm(id_), shelved_until_ns=until_ns)
-            audit(database, time.time_ns(), user, "shelve", f"alarm {id_}: {alarm.kind}, {minutes:g} min")
+            text = f"alarm {id_}: {alarm.kind}, {minutes:g} min"
+            audit(database, time.time_ns(), user, "shelve", text, alarm.station)
             self.intake.put_alarm(database, alarm)
             return alarm
 

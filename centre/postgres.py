@@ -149,6 +149,10 @@ MIGRATIONS = (
     CREATE TABLE written (number BIGINT NOT NULL);
     INSERT INTO written VALUES (0);
     """,
+    """
+    ALTER TABLE audit ADD COLUMN station BIGINT REFERENCES stations;
+    ALTER TABLE users ADD COLUMN disabled INTEGER NOT NULL DEFAULT 0;
+    """,
 )
 
 # Of a database that has PostGIS, for those who read: QGIS, distances. In degrees of WGS 84, and metres.

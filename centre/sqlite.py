@@ -122,6 +122,10 @@ MIGRATIONS = (
     CREATE TABLE thinned (point INTEGER PRIMARY KEY REFERENCES points, until_ns INTEGER NOT NULL);
     """,
     "ALTER TABLE commands ADD COLUMN release INTEGER NOT NULL DEFAULT 0;",
+    """
+    ALTER TABLE audit ADD COLUMN station INTEGER REFERENCES stations;
+    ALTER TABLE users ADD COLUMN disabled INTEGER NOT NULL DEFAULT 0;
+    """,
 )
 
 

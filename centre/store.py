@@ -116,8 +116,11 @@ def put(
     )
 
 
-def audit(database: Database, at_ns: int, user: str, action: str, detail: str = "") -> None:
-    """Who did what. It is part of the transaction that does it."""
+def audit(
+    database: Database, at_ns: int, user: str, action: str, detail: str = "", station: int | None = None
+) -> None:
+    """Who did what, and to which station. It is part of the transaction that does it."""
     database.execute(
-        'INSERT INTO audit (at_ns, "user", action, detail) VALUES (?, ?, ?, ?)', (at_ns, user, action, detail)
+        'INSERT INTO audit (at_ns, "user", action, detail, station) VALUES (?, ?, ?, ?, ?)',
+        (at_ns, user, action, detail, station),
     )

@@ -45,14 +45,22 @@ def _hash_secret(secret: str) -> bytes:
     return hashlib.sha256(secret.encode()).digest()
 
 
-def put(database: Database, name: str, role: str, password: str, by: str, groups: Iterable[str] = ()) -> None:
-    """Adds a user, or gives a new role and password, which ends all sessions of that user."""
+def put(
+    database: Database,
+    name: str,
+    role: str,
+    password: str | None,
+    by: str,
+    groups: Iterable[str] = (),
+    disabled: bool = False,
+) -> None:
+    """Adds a user, or changes one, who keeps the password without a new one. Ends the user's sessions."""
     wanted = sorted({*groups})
     if role not in ROLES:
         raise RefusedError(400, "role", f"{role} is no role: {', '.join(ROLES)}")
     if not name.strip() or len(name) > NAME_MOST:
         raise RefusedError(400, "name", f"a name has 1 to {NAME_MOST} characters")
-    if len(password) < PASSWORD_LEAST:
+    if password is not None and len(password) < PASSWORD_LEAST:
         raise RefusedError(400, "password", f"a password has at least {PASSWORD_LEAST} characters")
     if wanted and role == ROLES[-1]:
         # Who manages users could give itself all stations.
@@ -60,13 +68,22 @@ def put(database: Database, name: str, role: str, password: str, by: str, groups
     if any(not group or "\n" in group for group in wanted):
         raise RefusedError(400, "groups", "a group is a word of the centre's file")
     salt = secrets.token_bytes(16)
+    if password is not None:
+        hashed = _hash(password, salt)
+    elif row := database.execute("SELECT salt, hash FROM users WHERE name = ?", (name,)).fetchone():
+        salt, hashed = row["salt"], row["hash"]
+    else:
+        raise RefusedError(400, "password", f"there is no user {name}: a new one needs a password")
     database.execute('DELETE FROM sessions WHERE "user" = ?', (name,))
     database.execute(
-        "INSERT INTO users (name, role, salt, hash, groups) VALUES (?1, ?2, ?3, ?4, ?5)"
-        " ON CONFLICT (name) DO UPDATE SET role = ?2, salt = ?3, hash = ?4, groups = ?5",
-        (name, role, salt, _hash(password, salt), "\n".join(wanted)),
+        "INSERT INTO users (name, role, salt, hash, groups, disabled) VALUES (?1, ?2, ?3, ?4, ?5, ?6)"
+        " ON CONFLICT (name) DO UPDATE SET role = ?2, salt = ?3, hash = ?4, groups = ?5, disabled = ?6",
+        (name, role, salt, hashed, "\n".join(wanted), int(disabled)),
     )
-    audit(database, time.time_ns(), by, "user", f"{name}: {role}{', of '.join(['', *wanted])}")
+    more = [*(f"of {group}" for group in wanted)]
+    more += ["new password"] if password is not None else []
+    more += ["disabled"] if disabled else []
+    audit(database, time.time_ns(), by, "user", f"{name}: {', '.join([role, *more])}")
 
 
 def remove(database: Database, name: str, by: str) -> None:
@@ -75,10 +92,11 @@ def remove(database: Database, name: str, by: str) -> None:
     audit(database, time.time_ns(), by, "user removed", name)
 
 
-def fits(password: str, row: dict[str, bytes] | None) -> bool:
-    """As slow for a name that is not there: nobody learns names by time."""
+def fits(password: str, row: Row | None) -> bool:
+    """As slow for a name that is not there, or is disabled: nobody learns names by time."""
     salt = row["salt"] if row else bytes(16)
-    return hmac.compare_digest(_hash(password, salt), row["hash"] if row else bytes(64)) and row is not None
+    same = hmac.compare_digest(_hash(password, salt), row["hash"] if row else bytes(64))
+    return same and row is not None and not row["disabled"]
 
 
 def exists(database: Database, name: str) -> bool:
@@ -104,7 +122,7 @@ def end(database: Database, secret: str) -> None:
 
 FIND = (
     'SELECT users.name AS "user", role, csrf, label, groups FROM sessions'
-    " JOIN users ON users.name = sessions.user WHERE sessions.hash = ? AND expires_s > ?"
+    " JOIN users ON users.name = sessions.user WHERE sessions.hash = ? AND expires_s > ? AND disabled = 0"
 )
 
 

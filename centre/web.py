@@ -91,6 +91,7 @@ class Route:
     query: dict[str, Json] = field(default_factory=dict)
     body: Json | None = None
     answer: str = "application/json"
+    confirms: bool = False  # who asks says the own password again, as `own_password` of the body
 
 
 class Server:
@@ -148,6 +149,8 @@ class Server:
                 query,
             )
             body = await read_body(request, route.body) if route.body else {}
+            if route.confirms and not await self.fits(session.user, body["own_password"], request.remote):
+                raise RefusedError(403, "own_password", "your own password is wrong")
             asked = Asked(self.centre, session, request, dict(request.match_info), query, body)
             said = await route.handler(asked)
             return said if isinstance(said, web.StreamResponse) else web.json_response(said)
@@ -179,19 +182,8 @@ class Server:
         check_origin(request)
         body = await read_body(request, schema)
         name = body["name"]
-        wrong, until = self.guesses.get(name, (0, 0.0))
-        if wrong >= GUESSES and time.monotonic() < until:
-            raise RefusedError(429, "guesses", "too many wrong passwords: wait a minute")
-        rows = await self.centre.store.read("SELECT * FROM users WHERE name = ?", name)
-        async with self.hashing:
-            fits = await asyncio.to_thread(users.fits, body["password"], rows[0] if rows else None)
-        if not fits:
-            if len(self.guesses) >= GUESSED_NAMES:
-                self.guesses.clear()
-            self.guesses[name] = (wrong % GUESSES + 1, time.monotonic() + GUESSES_S)
-            log.warning("a wrong password or name from %s", request.remote)
+        if not await self.fits(name, body["password"], request.remote):
             raise RefusedError(401, "password", "the name or the password is wrong")
-        self.guesses.pop(name, None)
         seconds = self.centre.settings.session_h * 3600
         secret = await self.centre.store.write(lambda database: users.begin(database, name, "", seconds))
         response = web.json_response({})
@@ -200,6 +192,23 @@ class Server:
             secure=self.centre.settings.secure, path="/",
         )  # fmt: skip
         return response
+
+    async def fits(self, name: str, password: str, remote: str | None) -> bool:
+        """Whether it is the user's. Raises RefusedError after too many that are not."""
+        wrong, until = self.guesses.get(name, (0, 0.0))
+        if wrong >= GUESSES and time.monotonic() < until:
+            raise RefusedError(429, "guesses", "too many wrong passwords: wait a minute")
+        rows = await self.centre.store.read("SELECT * FROM users WHERE name = ?", name)
+        async with self.hashing:
+            fits = await asyncio.to_thread(users.fits, password, rows[0] if rows else None)
+        if fits:
+            self.guesses.pop(name, None)
+        else:
+            if len(self.guesses) >= GUESSED_NAMES:
+                self.guesses.clear()
+            self.guesses[name] = (wrong % GUESSES + 1, time.monotonic() + GUESSES_S)
+            log.warning("a wrong password or name from %s", remote)
+        return fits
 
     async def logout(self, request: web.Request) -> web.Response:
         await self.session(request)

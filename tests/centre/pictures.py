@@ -32,7 +32,7 @@ def main() -> None:
         page.locator(".list button", has_text="Torino-Milano").click()
         page.locator(".about", has_text="Track of the last hour").wait_for()
         page.evaluate("openrtuMap.jumpTo({center: [12, 47], zoom: 4.1})")
-        while page.evaluate("openrtuMap.queryRenderedFeatures({layers: ['marks']}).length") < 9:
+        while page.evaluate("openrtuMap.getLayer('marks').implementation.inSight().length") < 9:
             page.wait_for_timeout(100)
         page.wait_for_timeout(SETTLES_MS)
         take(page, "map")

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The page in a browser: all of it from here, no name that runs, each fate of a command, keys alone."""
 
+import re
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -162,11 +163,15 @@ def green_middle(page: Page) -> dict[str, float]:
     return dict(found)
 
 
-def test_marker_is_where_the_vehicle_is(page: Page, stations: Stations, north: Station) -> None:
-    """Within a pixel, once it is all drawn. The legend, which has the colour too, is put away."""
+def open_map(page: Page) -> None:
+    """The legend, which has the markers' colours, is put away."""
     view(page, "map")
-    until(lambda: page.evaluate("Boolean(openrtuMap.style)"), "the map")
+    until(lambda: page.evaluate("Boolean(openrtuMap.style?.getLayer('marks'))"), "the map")
     page.evaluate("document.querySelector('.legend').remove()")
+
+
+def marker_is_seen(page: Page, stations: Stations, north: Station) -> None:
+    """Within a pixel of its place, once it is all drawn."""
 
     def is_there() -> bool:
         # At each look: the map goes to all its places by itself when it sees the first of them.
@@ -178,6 +183,83 @@ def test_marker_is_where_the_vehicle_is(page: Page, stations: Stations, north: S
         return middle["count"] > 50 and all(abs(middle[axis] - wanted[axis]) <= 1 for axis in "xy")
 
     until(is_there, "a green marker at its place")
+
+
+def test_marker_is_where_the_vehicle_is(page: Page, stations: Stations, north: Station) -> None:
+    open_map(page)
+    marker_is_seen(page, stations, north)
+
+
+LOSE = """() => {
+  const context = openrtuMap.getCanvas().getContext("webgl2").getExtension("WEBGL_lose_context");
+  openrtuMap.once("webglcontextlost", () => {
+    window.lost = true;
+    setTimeout(() => context.restoreContext());
+  });
+  context.loseContext();
+}"""
+
+
+def test_marker_is_back_after_a_lost_context_and_in_another_theme(
+    page: Page, stations: Stations, north: Station
+) -> None:
+    open_map(page)
+    marker_is_seen(page, stations, north)
+    page.evaluate(LOSE)
+    until(lambda: page.evaluate("window.lost && Boolean(openrtuMap.style?.getLayer('marks'))"), "it is back")
+    marker_is_seen(page, stations, north)
+    page.locator("#theme").click()
+    page.locator("#theme").click()
+    marker_is_seen(page, stations, north)
+
+
+LABELS = """() => openrtuMap.getLayer("labels")
+  ? openrtuMap.queryRenderedFeatures({ layers: ["labels"] }).map((each) => each.properties.label) : []"""
+
+
+def test_marker_has_a_text_and_is_chosen_by_a_pointer(page: Page, stations: Stations, north: Station) -> None:
+    """Its name; what is not good has its word and age, too."""
+    open_map(page)
+    marker_is_seen(page, stations, north)
+    until(lambda: "north" in page.evaluate(LABELS), "the text of a good one")
+    place = page.evaluate(f"openrtuMap.project([{BELGRADE[1]}, {BELGRADE[0]}])")
+    page.locator(".maplibregl-canvas").click(position={"x": place["x"] + 5, "y": place["y"]})
+    expect(page.locator(".about h2")).to_have_text("north")
+    stations.say(north, 1, POSITION, position(now_ms(), *BELGRADE, 117, fix=0))
+    until(
+        lambda: any(re.fullmatch(r"north\ninvalid, \d+ s", each) for each in page.evaluate(LABELS)),
+        "the text of an invalid one",
+    )
+    stations.say(north, 1, POSITION, position(now_ms(), *BELGRADE, 117))
+
+
+MANY = """async () => {
+  const live = await import("./js/live.js");
+  const station = [...live.stations.keys()][0];
+  for (let number = 0; number < 10000; number++) {
+    const place = { latitude: 40 + (number % 100) / 10, longitude: 15 + Math.floor(number / 100) / 10 };
+    const id = 1e6 + number;
+    live.points.set(id, { id, station, name: "", content: 100, at: live.now(), quality: 0, ...place });
+  }
+}"""
+# Whether a pointer at its place finds it.
+AT = """(number) => {
+  const marks = openrtuMap.getLayer("marks").implementation;
+  const place = marks.places.find((each) => each.id === `p${1e6 + number}`);
+  return place && marks.under({ toArray: () => place.lngLat }).id === place.id;
+}"""
+
+
+def test_ten_thousand_markers_have_texts_where_these_can_be_read(page: Page) -> None:
+    open_map(page)
+    page.evaluate("openrtuMap.jumpTo({center: [20, 45], zoom: 5})")
+    page.evaluate(MANY)
+    count = "openrtuMap.getLayer('marks').implementation.places.length"
+    until(lambda: page.evaluate(count) >= 10_000, "all are drawn")
+    until(lambda: page.evaluate(LABELS) == [], "no text can be read")
+    assert all(page.evaluate(AT, number) for number in (0, 99, 4321, 9999))
+    page.evaluate("openrtuMap.jumpTo({center: [20.05, 45.05], zoom: 11})")
+    until(lambda: page.evaluate(LABELS), "texts")
 
 
 def test_map_of_ones_own(page: Page, site: Site) -> None:
@@ -378,6 +460,83 @@ def test_languages_theme_and_logout(page: Page) -> None:
     expect(page.locator("#name")).to_be_focused()
     page.reload()
     expect(page.locator("#name")).to_be_visible()
+
+
+@pytest.fixture
+def engineer(browser: Browser, site: Site) -> Iterator[Page]:
+    context = browser.new_context(viewport={"width": 360, "height": 700}, locale="en-GB")
+    made = context.new_page()
+    log_in(made, site.port, "emil", PASSWORD, "users")
+    yield made
+    context.close()
+
+
+def test_engineer_manages_users_by_keys_alone(engineer: Page, site: Site) -> None:
+    """On a phone's width. A wrong password of one's own changes nothing."""
+    engineer.get_by_role("button", name="Add user").press("Enter")
+    dialog = engineer.locator("dialog")
+    expect(dialog.get_by_label("Name")).to_be_focused()
+    for typed in ("ines", "o", None, PASSWORD, None, "wrong password"):
+        if typed:
+            engineer.keyboard.type(typed)
+        engineer.keyboard.press("Tab")
+    engineer.keyboard.press("Shift+Tab")
+    dialog.get_by_label(EVIL).press("Space")
+    dialog.get_by_label("Your own password").press("Enter")
+    expect(dialog.locator(".error")).to_have_text("Your own password is wrong.")
+    assert not [each for each in site.client("emil").get("/api/users") if each["name"] == "ines"]
+    dialog.get_by_label("Your own password").fill(PASSWORD)
+    dialog.get_by_label("Your own password").press("Enter")
+    row = engineer.locator("tr", has_text="ines")
+    expect(row).to_contain_text("Operator")
+    expect(row).to_contain_text(EVIL)
+    assert [each["name"] for each in site.client("ines").get("/api/stations")] == [EVIL]
+    row.get_by_role("button", name="Change").press("Enter")
+    dialog.get_by_label("disabled").press("Space")
+    dialog.get_by_label("Your own password").fill(PASSWORD)
+    dialog.get_by_label("Your own password").press("Enter")
+    expect(row).to_contain_text("disabled")
+    with pytest.raises(AnswerError):
+        site.client("ines")
+    row.get_by_role("button", name="Change").press("Enter")
+    dialog.get_by_label("Your own password").fill(PASSWORD)
+    dialog.get_by_role("button", name="Remove").press("Enter")
+    expect(row).to_have_count(0)
+
+
+def test_engineer_reads_the_audit(engineer: Page, site: Site) -> None:
+    client = site.client("olga")
+    station = next(each["id"] for each in client.get("/api/stations") if each["name"] == "north")
+    client.post(f"/api/stations/{station}/interrogate")
+    engineer.get_by_role("button", name="Audit").press("Enter")
+    engineer.get_by_label("Who").fill("olga")
+    engineer.get_by_label("What").select_option("stations")
+    engineer.get_by_label("Station").select_option("north")
+    rows = engineer.locator("tbody tr")
+    expect(rows.first).to_contain_text("interrogate")
+    expect(rows.first).to_contain_text("north")
+    with engineer.expect_download() as file:
+        engineer.get_by_role("link", name="CSV").click()
+    lines = file.value.path().read_text().splitlines()
+    assert {line.split(",")[1:4] == ["olga", "interrogate", "north"] for line in lines[1:]} == {True}
+    engineer.get_by_label("What").select_option("users")
+    expect(engineer.locator(".empty")).to_contain_text("Nobody did such a thing")
+
+
+def test_engineers_view_fits_a_phone_in_each_language(engineer: Page) -> None:
+    for language, word in (("de", "Benutzer"), ("sr", "Корисници"), ("es", "Usuarios"), ("en", "Users")):
+        engineer.locator("#language").select_option(language)
+        expect(engineer.locator("nav a").last).to_have_text(word)
+        assert engineer.evaluate("document.documentElement.scrollWidth") <= 360, language
+
+
+def test_operator_finds_no_users(page: Page) -> None:
+    """The view is not there, and what it would ask is refused."""
+    expect(page.locator("nav a[href='#users']")).to_have_count(0)
+    page.evaluate("location.hash = '#users'")
+    expect(page.locator("nav a[href='#map']")).to_have_attribute("aria-current", "page")
+    for path in ("users", "audit", "audit?format=csv"):
+        assert page.evaluate("(path) => fetch(`api/${path}`).then((said) => said.status)", path) == 403
 
 
 def test_an_engineer_sees_the_frames_of_a_station(browser: Browser, site: Site) -> None:

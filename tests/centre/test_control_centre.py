@@ -12,12 +12,13 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlencode
 
 import aiohttp
 import pytest
 
 from centre import stream
-from centre.api import ROUTES, document
+from centre.api import AUDITED, ROUTES, document
 from centre.records import Result, State
 from centre.stream import View
 from control_room import PASSWORD, USERS, Site, Stations, Watch, until
@@ -25,6 +26,7 @@ from lab.centre_client import AnswerError, Client
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, POSITION, Station, measured, position, single
 
 INVALID = 128
+CONFIRMED = {"own_password": PASSWORD}
 
 
 def now_ms() -> int:
@@ -390,12 +392,12 @@ def stranger(site: Site) -> Iterator[Client]:
     """An operator of the stations of another group."""
     engineer = site.client("emil")
     gas = {"name": "gary", "role": "operator", "password": PASSWORD, "groups": ["gas", "heat"]}
-    engineer.post("/api/users", gas)
+    engineer.post("/api/users", {**gas, **CONFIRMED})
     assert (
         next(each for each in engineer.get("/api/users") if each["name"] == "gary")["groups"] == gas["groups"]
     )
     yield site.client("gary")
-    engineer.raw("DELETE", "/api/users/gary")
+    engineer.post("/api/users/gary/remove", CONFIRMED)
 
 
 def test_second_person_of_another_group_releases_nothing(
@@ -523,7 +525,7 @@ def test_page_is_told_what_its_view_shows_and_only_what_changes(
 
 
 def test_who_manages_users_sees_all(site: Site) -> None:
-    scoped = {"name": "eva", "role": "engineer", "password": PASSWORD, "groups": ["gas"]}
+    scoped = {"name": "eva", "role": "engineer", "password": PASSWORD, "groups": ["gas"], **CONFIRMED}
     with pytest.raises(AnswerError) as refused:
         site.client("emil").post("/api/users", scoped)
     assert refused.value.code == "groups"
@@ -641,14 +643,92 @@ def test_passwords_cannot_be_guessed_fast(site: Site) -> None:
 
 def test_new_password_ends_all_sessions_of_a_user(site: Site) -> None:
     engineer = site.client("emil")
-    engineer.post("/api/users", {"name": "nina", "role": "operator", "password": "a long password"})
-    nina = site.client().login("nina", "a long password")
-    engineer.post("/api/users", {"name": "nina", "role": "viewer", "password": "another password"})
+    nina = {"name": "nina", "role": "operator", **CONFIRMED}
+    engineer.post("/api/users", {**nina, "password": "a long password"})
+    before = site.client().login("nina", "a long password")
+    engineer.post("/api/users", {**nina, "password": "another password"})
     with pytest.raises(AnswerError):
-        nina.get("/api/me")
-    engineer.raw("DELETE", "/api/users/nina")
+        before.get("/api/me")
+    engineer.post("/api/users/nina/remove", CONFIRMED)
     with pytest.raises(AnswerError):
         site.client().login("nina", "another password")
+
+
+def test_user_who_is_disabled_keeps_the_password_and_may_nothing(site: Site) -> None:
+    """A session and a token end with it."""
+    engineer = site.client("emil")
+    dora = {"name": "dora", "role": "viewer", **CONFIRMED}
+    with pytest.raises(AnswerError) as refused:
+        engineer.post("/api/users", dora)
+    assert refused.value.code == "password"
+    engineer.post("/api/users", {**dora, "password": PASSWORD})
+    client = site.client("dora")
+    token = client.post("/api/tokens", {"label": "report", "days": 1})["token"]
+    engineer.post("/api/users", {**dora, "disabled": True})
+    for each in (client, Client(site.port, token)):
+        with pytest.raises(AnswerError) as refused:
+            each.get("/api/me")
+        assert refused.value.status == 401
+    with pytest.raises(AnswerError) as refused:
+        site.client("dora")
+    assert refused.value.code == "password"
+    engineer.post("/api/users", {**dora, "role": "operator"})
+    assert site.client("dora").get("/api/me")["role"] == "operator"
+    engineer.post("/api/users/dora/remove", CONFIRMED)
+
+
+def test_users_are_changed_only_with_ones_own_password(site: Site) -> None:
+    """Who has found a session open makes nobody an engineer. There is always one."""
+    engineer = site.client("emil")
+    vera = {"name": "vera", "role": "engineer"}
+    for path in ("/api/users", "/api/users/vera/remove"):
+        body = vera if path == "/api/users" else {}
+        for own, code in ({}, "form"), ({"own_password": "guessed password"}, "own_password"):
+            with pytest.raises(AnswerError) as refused:
+                engineer.post(path, {**body, **own})
+            assert refused.value.code == code
+    for role, disabled in (("viewer", False), ("engineer", True)):
+        with pytest.raises(AnswerError) as refused:
+            body = {"name": "emil", "role": role, "disabled": disabled}
+            engineer.post("/api/users", {**body, **CONFIRMED})
+        assert refused.value.code == "yourself"
+    with pytest.raises(AnswerError) as refused:
+        engineer.post("/api/users/emil/remove", CONFIRMED)
+    assert refused.value.code == "yourself"
+    roles = {each["name"]: (each["role"], each["disabled"]) for each in engineer.get("/api/users")}
+    assert (roles["vera"], roles["emil"]) == (("viewer", False), ("engineer", False))
+
+
+def test_audit_says_who_did_what_to_which_station(site: Site, operator: Client) -> None:
+    """By user, station, kind and time; as a file, too, which is in it from then on."""
+    engineer = site.client("emil")
+    north = next(each["id"] for each in operator.get("/api/stations") if each["name"] == "north")
+    begin = now_ms()
+    command = operator.post("/api/commands", {"point": point(operator, "lamp")["id"], "value": 1})["id"]
+    in_state(operator, command, State.EXECUTED_COMMAND)
+    site.client("omar").post(f"/api/stations/{north}/interrogate")
+
+    def done(**asked: Any) -> list[tuple[str, str, int]]:
+        query = urlencode({"from": begin, **asked})
+        return [(row["user"], row["action"], row["station"]) for row in engineer.get(f"/api/audit?{query}")]
+
+    commanded, interrogated = ("olga", "command", north), ("omar", "interrogate", north)
+    assert {commanded, interrogated, ("omar", "login", None)} <= set(done())
+    assert done(kind="commands") == [commanded]
+    assert done(user="olga", station=north) == [commanded]
+    assert done(station=north) == [interrogated, commanded]
+    assert done(user="nobody' OR 1") == done(station=99) == done(to=begin - 1) == []
+    with pytest.raises(AnswerError) as refused:
+        done(kind="secrets")
+    assert refused.value.status == 400
+    _, octets = engineer.raw("GET", f"/api/audit?format=csv&station={north}&from={begin}")
+    rows = list(csv.DictReader(io.StringIO(octets.decode())))
+    assert [(row["user"], row["action"], row["station"], row["detail"]) for row in rows] == [
+        ("olga", "command", "north", "lamp = 1"), ("omar", "interrogate", "north", ""),
+    ]  # fmt: skip
+    assert done(kind="exports") == [("emil", "export", None)]
+    actions = {action for (action,) in site.rows("SELECT DISTINCT action FROM audit")}
+    assert actions <= {action for kind in AUDITED.values() for action in kind}
 
 
 @pytest.mark.parametrize("path", ["/../centre/api.py", "/%2e%2e/%2e%2e/README.md", "//etc/passwd"])

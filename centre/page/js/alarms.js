@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Alarms to be acknowledged; and what happened: events, commands, the audit.
+// Alarms to be acknowledged; and what happened: events, commands.
 import { fate, stateText } from "./command.js";
-import { fill, h, Rows, setText, state } from "./dom.js";
+import { fill, h, Rows, setText, state, tabs } from "./dom.js";
 import * as live from "./live.js";
 import { empty } from "./points.js";
 import { valueText } from "./quality.js";
@@ -119,20 +119,22 @@ function alarmTable(place) {
 
 // ---- what happened -------------------------------------------------------------------------------
 
-function list(place, title, headings, files, load) {
+// Newest first, asked for again and again, and when what stands in its head was changed.
+export function list(place, title, headings, head, load) {
   const body = h("tbody");
   const none = h("div");
   const table = h("table", {}, h("thead", {}, h("tr", {}, ...headings.map((key) => h("th", {}, t(key))))), body);
-  place.append(h("section", { class: "card" }, h("div", { class: "row" }, h("h2", { class: "grow" }, t(title)), ...files),
+  place.append(h("section", { class: "card" }, h("div", { class: "row" }, h("h2", { class: "grow" }, t(title)), ...head),
     h("div", { class: "scroll" }, table), none));
   async function show() {
     const rows = await load();
     body.replaceChildren(...rows.map((cells) => h("tr", {}, ...cells.map((cell, column) => h("td", { class: column ? "" : "time" }, cell)))));
     table.hidden = !rows.length;
-    none.replaceChildren(...(rows.length || title === "audit" ? [] : [empty(t(`no_${title}`))]));
+    none.replaceChildren(...(rows.length ? [] : [empty(t(`no_${title}`))]));
   }
   const failed = (error) => none.replaceChildren(h("p", { class: "empty error" }, t("failed", { error: error.message })));
   show().catch(failed);
+  place.firstElementChild.addEventListener("change", () => show().catch(failed));
   const timer = setInterval(() => show().catch(failed), 5000);
   return () => clearInterval(timer);
 }
@@ -167,26 +169,10 @@ const TABS = {
       return [time(command.begun, true), command.user, stationName(point?.station), pointName(command.point), point ? valueText(point, command.value) : number(command.value),
         h("span", { class: "row" }, state(ended ? fate(command).kind : "none", stateText(command)), ...toRelease(command))];
     })),
-  audit: (place) => list(place, "audit", ["time", "user_name", "action", "detail"], [],
-    async () => (await live.ask("audit")).map((row) => [time(row.at, true), row.user, row.action, row.detail])),
 };
 
 export function showAlarms(main, _number, tab) {
-  const page = h("div", { class: "page" });
-  const place = h("div");
-  const shown = Object.keys(TABS).filter((name) => name !== "audit" || live.may("engineer"));
-  const buttons = shown.map((name) => h("button", { onclick: () => show(name) }, t(name)));
-  page.append(h("div", { class: "tabs" }, ...buttons), place);
-  main.append(page);
-  let end = () => {};
-  function show(name) {
-    end();
-    place.replaceChildren();
-    buttons.forEach((button, number) => button.setAttribute("aria-pressed", String(shown[number] === name)));
-    end = TABS[name](place);
-  }
   live.look({ view: "alarms" });
-  show(shown.includes(tab) ? tab : "alarms");
   learnNames().catch(() => {});
-  return () => end();
+  return tabs(main, TABS, tab);
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The only way elements are made here. Text is text: nothing that a station or a user says becomes markup.
+import { t } from "./words.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 
@@ -71,6 +72,24 @@ export class Rows {
       else this.parent.insertBefore(row.element, place);
     }
   }
+}
+
+// One of several parts is shown. Each is made by its function, which returns what ends it.
+export function tabs(main, parts, first) {
+  const page = h("div", { class: "page" });
+  const place = h("div");
+  let end = () => {};
+  const buttons = Object.keys(parts).map((name) => h("button", { onclick: () => show(name) }, t(name)));
+  function show(name) {
+    end();
+    place.replaceChildren();
+    buttons.forEach((button, number) => button.setAttribute("aria-pressed", String(Object.keys(parts)[number] === name)));
+    end = parts[name](place);
+  }
+  page.append(h("div", { class: "tabs" }, ...buttons), place);
+  main.append(page);
+  show(first in parts ? first : Object.keys(parts)[0]);
+  return () => end();
 }
 
 // What stands in a cell is made anew only when its key has changed.

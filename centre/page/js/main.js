@@ -6,9 +6,11 @@ import * as live from "./live.js";
 import { showMap } from "./map.js";
 import { showPoints } from "./points.js";
 import { showStations } from "./stations.js";
+import { showUsers } from "./users.js";
 import { chosen, LANGUAGES, speak, t, time } from "./words.js";
 
-const VIEWS = { map: showMap, points: showPoints, alarms: showAlarms, stations: showStations };
+const VIEWS = { map: showMap, points: showPoints, alarms: showAlarms, stations: showStations, users: showUsers };
+const NEEDS = { users: "engineer" }; // all others are for everybody
 const ACCEPTED = 2; // state of a command
 let leave = () => {};
 
@@ -89,7 +91,8 @@ function frame() {
   const banner = h("div", { class: "banner", role: "alert", hidden: true });
   const count = h("span", { class: "count", hidden: true });
   const clock = h("span", { class: "clock" });
-  const links = Object.keys(VIEWS).map((name) => h("a", { href: `#${name}` }, t(name)));
+  const views = Object.keys(VIEWS).filter((name) => live.may(NEEDS[name] ?? "viewer"));
+  const links = views.map((name) => h("a", { href: `#${name}` }, t(name)));
   links[2].append(count);
   const main = h("main", { id: "main" });
   const user = h("button", { id: "logout", title: `${live.session.user} · ${live.session.role}`, onclick: logOut }, t("logout"));
@@ -104,7 +107,7 @@ function frame() {
   const go = () => {
     end();
     const [name, argument] = location.hash.slice(1).split("/");
-    const view = name in VIEWS ? name : "map";
+    const view = views.includes(name) ? name : "map";
     links.forEach((link) => (link.hash === `#${view}` ? link.setAttribute("aria-current", "page") : link.removeAttribute("aria-current")));
     document.title = `${t(view)} · ${t("title")}`;
     main.className = `${view}-view`;

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The map: vehicles and stations where they are, as good as they are; the track of the chosen one, with its gaps.
 import * as maplibre from "../vendor/maplibre-gl.mjs";
-import { fill, h, Rows, setText, SHAPES, state } from "./dom.js";
+import { fill, h, Rows, setText, state } from "./dom.js";
 import * as live from "./live.js";
+import { colour, Marks } from "./marks.js";
 import { quality, stationState } from "./quality.js";
 import { Replay } from "./replay.js";
 import { readTiles, tileLayers } from "./tiles.js";
@@ -11,46 +12,15 @@ import { age, t, time } from "./words.js";
 maplibre.setWorkerUrl(new URL("../vendor/maplibre-gl-worker.mjs", import.meta.url).href);
 
 const LIST_MOST = 200; // in the list beside the map; who looks for another one searches
-const LABELS_MOST = 1000; // more markers are told by shape and colour, until fewer are in sight: few of their texts would find room
+const LABELS_MOST = 250; // more markers in sight are told by shape and colour alone: few of their texts would find room
 const LOOK_MS = 250; // after the map has moved
 const TICK_MS = 1000;
 const TRACK_MS = 5000; // a track is asked for again no more often
-const SIZE = 44; // of a symbol: two for each pixel
 const METRES_A_DEGREE = 111195;
 const FONT = ["sans-serif"];
 
-function colour(name) {
-  return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
-}
-
-// A symbol: the state's shape and colour; a station that stays where it is has a frame.
-function symbol(kind, framed) {
-  const canvas = document.createElement("canvas");
-  canvas.width = canvas.height = SIZE;
-  const pen = canvas.getContext("2d");
-  if (framed) {
-    pen.fillStyle = colour("panel");
-    pen.strokeStyle = colour("text");
-    pen.lineWidth = 3;
-    pen.beginPath();
-    pen.roundRect(3, 3, SIZE - 6, SIZE - 6, 8);
-    pen.fill();
-    pen.stroke();
-  }
-  const scale = framed ? 1.5 : 2;
-  pen.translate(SIZE / 2 - 8 * scale, SIZE / 2 - 8 * scale);
-  pen.scale(scale, scale);
-  const path = new Path2D(SHAPES[kind]);
-  pen.lineWidth = framed ? 0 : 2.4;
-  pen.strokeStyle = colour("panel");
-  if (!framed) pen.stroke(path);
-  pen.fillStyle = colour(kind);
-  pen.fill(path, "evenodd");
-  return pen.getImageData(0, 0, SIZE, SIZE);
-}
-
 function source(data) {
-  return { type: "geojson", data, ...(typeof data === "string" ? {} : { promoteId: "id" }) };
+  return { type: "geojson", data };
 }
 
 const EMPTY = { type: "FeatureCollection", features: [] };
@@ -63,7 +33,7 @@ function style(own) {
     version: 8,
     sources: {
       land: source("map/land.json"), borders: source("map/borders.json"), names: source("map/names.json"),
-      ...(own ? { own: own.source } : {}), areas: source(EMPTY), track: source(EMPTY), marks: source(EMPTY),
+      ...(own ? { own: own.source } : {}), areas: source(EMPTY), track: source(EMPTY), labels: source(EMPTY),
     },
     layers: [
       { id: "sea", type: "background", paint: { "background-color": colour("sea") } },
@@ -78,9 +48,9 @@ function style(own) {
       { id: "area-names", type: "symbol", source: "areas", layout: { ...label(12), "text-field": ["get", "label"] }, paint: { "text-color": areaColour, ...halo } },
       { id: "track", type: "line", source: "track", layout: { "line-cap": "round", "line-join": "round" },
         paint: { "line-color": colour("accent"), "line-width": 3, "line-opacity": 0.85 } },
-      { id: "marks", type: "symbol", source: "marks",
-        layout: { ...label(12), "icon-image": ["get", "icon"], "icon-allow-overlap": true, "icon-ignore-placement": true,
-          "text-field": ["get", "label"], "text-anchor": "top", "text-offset": [0, 0.95], "text-optional": true, "text-max-width": 14 },
+      { id: "labels", type: "symbol", source: "labels",
+        layout: { ...label(12), "text-field": ["get", "label"], "text-anchor": "top", "text-offset": [0, 0.95], "text-max-width": 14,
+          "symbol-sort-key": ["get", "rank"] },
         paint: { "text-color": colour("text"), ...halo } },
     ],
   };
@@ -138,19 +108,12 @@ function labelOf(place, now) {
   return place.kind === "good" ? place.name : `${place.name}\n${place.word}, ${age(now - place.at)}`;
 }
 
-function feature(place, label) {
-  return { type: "Feature", properties: { id: place.id, icon: `${place.kind}${place.fixed ? "-fixed" : ""}`, label },
-    geometry: { type: "Point", coordinates: place.lngLat } };
-}
+// The first find room first.
+const RANKS = { chosen: 0, bad: 1, old: 2, none: 3, good: 4 };
 
-// What of a marker differs, as the map wants to know it; null: nothing does.
-function difference(before, each) {
-  const [longitude, latitude] = each.geometry.coordinates;
-  const moved = before.geometry.coordinates[0] !== longitude || before.geometry.coordinates[1] !== latitude;
-  const others = Object.entries(each.properties).filter(([key, value]) => before.properties[key] !== value);
-  if (!moved && !others.length) return null;
-  return { id: each.properties.id, ...(moved ? { newGeometry: each.geometry } : {}),
-    ...(others.length ? { addOrUpdateProperties: others.map(([key, value]) => ({ key, value })) } : {}) };
+function labelFeature(place, now, chosen) {
+  return { type: "Feature", properties: { label: labelOf(place, now), rank: RANKS[chosen ? "chosen" : place.kind] },
+    geometry: { type: "Point", coordinates: place.lngLat } };
 }
 
 export function showMap(main) {
@@ -168,15 +131,19 @@ export function showMap(main) {
     h("div", { class: "map" }, canvas, legend, about, replay.element));
 
   const map = new maplibre.Map({ container: canvas, style: style(), center: [15, 47], zoom: 3.2, attributionControl: false,
-    dragRotate: false, pitchWithRotate: false, maxZoom: 17, renderWorldCopies: true,
+    dragRotate: false, maxPitch: 0, maxZoom: 17, renderWorldCopies: true,
     fadeDuration: 0 }); // markers move each second: texts that fade would have the whole map drawn all the time
   window.openrtuMap = map; // for whoever looks in the browser's console, and the tests
   map.touchZoomRotate.disableRotation();
+  map.keyboard.disableRotation();
   map.addControl(new maplibre.NavigationControl({ showCompass: false }));
   map.addControl(new maplibre.ScaleControl(), "bottom-right");
   map.addControl(new maplibre.AttributionControl({ customAttribution: "Natural Earth", compact: false }), "bottom-right");
 
-  const drawn = new Map(); // by id: what the map has
+  const marks = new Marks(map);
+  let labels = ""; // as the map has them
+  let pointed = ""; // at which the pointer is
+  let tracked = false; // the map has a track
   const chosen = { id: "", follow: false, asked: 0, at: 0 };
   const clock = () => (replay.active ? replay.at : live.now());
   const found = () => (replay.active ? replay.places() : places());
@@ -186,48 +153,37 @@ export function showMap(main) {
   let ready = false;
 
   function dress() {
-    for (const kind of Object.keys(SHAPES)) {
-      for (const framed of [false, true]) {
-        const name = `${kind}${framed ? "-fixed" : ""}`;
-        if (map.hasImage(name)) map.removeImage(name);
-        map.addImage(name, symbol(kind, framed), { pixelRatio: 2 });
-      }
-    }
-    drawn.clear();
-    ready = true;
+    map.addLayer(marks, "labels");
     map.getSource("areas").setData({ type: "FeatureCollection", features: areas });
+    labels = "";
+    ready = true;
     draw(found());
     chosen.asked = 0;
     track();
   }
 
-  // Only what differs goes to the map: 10 000 markers that stand still cost nothing.
   function draw(all) {
-    if (!ready) return;
-    const marks = map.getSource("marks");
+    marks.show(all);
+    if (ready) write();
+  }
+
+  // Texts of those in sight while they are few, and of the one that is chosen or pointed at.
+  function write() {
     const now = clock();
-    const few = all.length <= LABELS_MOST;
-    const made = (place) => feature(place, few || place.id === chosen.id ? labelOf(place, now) : "");
-    if (!drawn.size) {
-      const features = all.map(made);
-      features.forEach((each) => drawn.set(each.properties.id, each));
-      marks.setData({ type: "FeatureCollection", features });
-      return;
-    }
-    const news = { add: [], remove: [], update: [] };
-    const here = new Set();
-    for (const place of all) {
-      const each = made(place);
-      here.add(place.id);
-      const before = drawn.get(place.id);
-      const differs = before && difference(before, each);
-      if (before && !differs) continue;
-      drawn.set(place.id, each);
-      if (before) news.update.push(differs);
-      else news.add.push(each);
-    }
-    for (const id of drawn.keys()) if (!here.has(id)) { news.remove.push(id); drawn.delete(id); }
-    if (news.add.length || news.remove.length || news.update.length) marks.updateData(news);
+    const seen = marks.inSight();
+    const asked = (place) => place.id === chosen.id || place.id === pointed;
+    const features = (seen.length <= LABELS_MOST ? seen : seen.filter(asked)).map((place) => labelFeature(place, now, asked(place)));
+    const text = JSON.stringify(features);
+    if (text === labels) return;
+    labels = text;
+    map.getSource("labels").setData({ type: "FeatureCollection", features });
+  }
+
+  function pointAt(place) {
+    if (pointed === (place?.id ?? "")) return;
+    pointed = place?.id ?? "";
+    map.getCanvas().style.cursor = place ? "pointer" : "";
+    if (ready) write();
   }
 
   // The centre tells what this part of the map has, the chosen one and what is searched; and where all of them are.
@@ -315,8 +271,10 @@ export function showMap(main) {
     if (chosen.follow) map.setCenter(place.lngLat);
   }
 
+  // The map is drawn again only when there is a track.
   function clearTrack() {
-    if (ready) map.getSource("track").setData(EMPTY);
+    if (ready && tracked) map.getSource("track").setData(EMPTY);
+    tracked = false;
     setText(trackText, "");
   }
 
@@ -324,6 +282,7 @@ export function showMap(main) {
     if (ready && replay.active) {
       Object.assign(chosen, { asked: 0 });
       map.getSource("track").setData(replay.way(chosen.id));
+      tracked = true;
       setText(trackText, "");
       return;
     }
@@ -338,6 +297,7 @@ export function showMap(main) {
     const ways = await live.ask(`tracks?point=${point.id}`).catch(() => null);
     if (!ways || chosen.id !== id || replay.active) return;
     map.getSource("track").setData(ways);
+    tracked = true;
     const gaps = ways.features.filter((each) => !each.properties.goes_on).length - 1;
     setText(trackText, gaps < 0 ? t("track_empty") : gaps ? `${t("track_hour")}, ${t("gaps", { n: gaps })}` : t("track_hour"));
   }
@@ -359,17 +319,18 @@ export function showMap(main) {
   }
 
   fill(legend, "all", () => ["good", "old", "bad", "none"].map((kind) => state(kind, t({ good: "good", old: "old", bad: "invalid", none: "no_link" }[kind]))));
-  map.once("style.load", dress);
-  map.on("click", "marks", (event) => choose(event.features[0].properties.id));
-  map.on("mouseenter", "marks", () => (map.getCanvas().style.cursor = "pointer"));
-  map.on("mouseleave", "marks", () => (map.getCanvas().style.cursor = ""));
+  map.on("style.load", dress); // at first, in another theme, and when a context of WebGL that was lost is back
+  map.on("webglcontextlost", () => (ready = false));
+  map.on("click", (event) => { const place = marks.under(event.lngLat); if (place) choose(place.id); });
+  map.on("mousemove", (event) => pointAt(marks.under(event.lngLat)));
+  map.on("mouseout", () => pointAt(null));
   map.on("movestart", (event) => { if (event.originalEvent) { shown = true; fits = false; } }); // the user's place is kept
-  map.on("moveend", lookSoon);
+  map.on("moveend", () => { lookSoon(); if (ready) write(); });
   map.on("dragstart", () => { if (chosen.follow) { chosen.follow = false; update(); } });
   search.addEventListener("input", () => { update(); lookSoon(); });
   let own = null; // the map of one's own
   let gone = false;
-  const themed = () => { ready = false; map.setStyle(style(own), { diff: false }); map.once("style.load", dress); };
+  const themed = () => { ready = false; map.setStyle(style(own), { diff: false }); };
   addEventListener("theme", themed);
   const unwatch = live.watch(update);
   const tick = setInterval(() => { if (performance.now() - updated > TICK_MS / 2) update(); }, TICK_MS); // ages grow

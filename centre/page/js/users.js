@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// For an engineer: who may what, and who did what.
+import { list } from "./alarms.js";
+import { h, setText, state, tabs } from "./dom.js";
+import * as live from "./live.js";
+import { t, time } from "./words.js";
+
+const ROLES = ["viewer", "operator", "engineer"]; // the last one sees all stations
+const KINDS = ["commands", "alarms", "stations", "exports", "logins", "users"];
+const SPANS = { last_day: 1, last_week: 7, last_month: 30, all_time: 0 }; // days; 0: from the beginning
+const DAY_MS = 86400000;
+
+// ---- users ---------------------------------------------------------------------------------------
+
+function groupsOf(user) {
+  const known = [...live.stations.values()].map((station) => station.group).filter(Boolean);
+  return [...new Set([...known, ...(user?.groups ?? [])])].sort();
+}
+
+function password(own) {
+  return h("input", { type: "password", autocomplete: own ? "current-password" : "new-password", maxLength: 256 });
+}
+
+function labelled(key, ...inputs) {
+  return h("label", {}, t(key), ...inputs);
+}
+
+function check(text, checked) {
+  const box = h("input", { type: "checkbox", checked });
+  return { box, text, element: h("label", { class: "check" }, box, text) };
+}
+
+// One's own role stays, so that there is always an engineer: another one takes it.
+function userDialogue(user, done) {
+  const myself = user?.name === live.session.user;
+  const name = h("input", { required: true, maxLength: 64, autocomplete: "off", disabled: Boolean(user) });
+  name.value = user?.name ?? "";
+  const role = h("select", { disabled: myself }, ...ROLES.map((each) => h("option", { value: each, selected: each === (user?.role ?? "viewer") }, t(each))));
+  const groups = groupsOf(user).map((group) => check(group, Boolean(user?.groups.includes(group))));
+  const scope = h("fieldset", {}, h("legend", {}, t("scope")), ...groups.map((each) => each.element), h("span", { class: "muted" }, t("scope_none")));
+  const fresh = password(false);
+  fresh.required = !user;
+  fresh.minLength = 10;
+  const off = check(t("disabled"), Boolean(user?.disabled));
+  off.box.disabled = myself;
+  const own = password(true);
+  own.required = true;
+  const said = h("p", { class: "error", role: "alert" });
+  const dialog = h("dialog", { "aria-label": t(user ? "user_change" : "user_add") });
+  const remove = h("button", { type: "button", hidden: !user || myself, onclick: () => send(`users/${encodeURIComponent(user.name)}/remove`, {}) }, t("remove"));
+  const form = h("form", { method: "dialog" },
+    h("div", { class: "body" }, h("h2", {}, t(user ? "user_change" : "user_add")), labelled("name", name), labelled("role_name", role), scope,
+      labelled(user ? "password_new" : "password", fresh), off.element, labelled("password_own", own), said),
+    h("div", { class: "end" }, remove, h("span", { class: "grow" }),
+      h("button", { type: "button", onclick: () => dialog.close() }, t("cancel")), h("button", { class: "main" }, t("save"))));
+
+  async function send(path, body) {
+    setText(said, "");
+    if (!own.reportValidity()) return;
+    try {
+      await live.ask(path, { ...body, own_password: own.value });
+      dialog.close();
+      done();
+    } catch (refused) {
+      setText(said, t(refused.code === "own_password" ? "own_wrong" : refused.code === "guesses" ? "login_wait" : "failed", { error: refused.message }));
+    }
+  }
+
+  const scoped = () => (scope.disabled = role.value === ROLES.at(-1));
+  role.addEventListener("change", scoped);
+  scoped();
+  form.addEventListener("submit", (event) => {
+    event.preventDefault();
+    const seen = scope.disabled ? [] : groups.filter((each) => each.box.checked).map((each) => each.text);
+    send("users", { name: name.value, role: role.value, groups: seen, disabled: off.box.checked, ...(fresh.value ? { password: fresh.value } : {}) });
+  });
+  dialog.append(form);
+  dialog.addEventListener("close", () => dialog.remove());
+  document.body.append(dialog);
+  dialog.showModal();
+}
+
+function userTable(place) {
+  const body = h("tbody");
+  const said = h("p", { class: "error", role: "alert" });
+  place.append(h("section", { class: "card" },
+    h("div", { class: "row" }, h("h2", { class: "grow" }, t("users")), said,
+      h("button", { class: "small main", onclick: () => userDialogue(null, show) }, t("user_add"))),
+    h("div", { class: "scroll" }, h("table", {}, h("thead", {}, h("tr", {}, ...["name", "role_name", "scope", "state", ""].map((key) => h("th", {}, key ? t(key) : "")))), body))));
+  async function show() {
+    const users = await live.ask("users").catch((error) => setText(said, t("failed", { error: error.message })));
+    body.replaceChildren(...(users ?? []).map((user) => h("tr", {}, h("td", {}, user.name), h("td", {}, t(user.role)),
+      h("td", {}, user.groups.join(", ") || t("scope_all")), h("td", {}, user.disabled ? state("none", t("disabled")) : state("good", t("enabled"))),
+      h("td", { class: "act" }, h("button", { class: "small", onclick: () => userDialogue(user, show) }, t("change"))))));
+  }
+  show();
+  return () => {};
+}
+
+// ---- who did what --------------------------------------------------------------------------------
+
+function choice(name, options) {
+  return h("select", { "aria-label": t(name) }, ...options.map(([value, text]) => h("option", { value: String(value) }, text)));
+}
+
+function auditTable(place) {
+  const names = h("datalist", { id: "who" });
+  const who = h("input", { type: "search", list: "who", placeholder: t("user_name"), "aria-label": t("user_name") });
+  const station = choice("station", [["", t("scope_all")]]);
+  const kind = choice("action", [["", t("all_kinds")], ...KINDS.map((each) => [each, t(each)])]);
+  const span = choice("time", Object.entries(SPANS).map(([key, days]) => [days, t(key)]));
+  const file = h("a", { download: "" }, "CSV");
+  span.value = String(SPANS.last_month);
+  const stations = live.ask("stations").then((all) => all.sort((a, b) => a.name.localeCompare(b.name, undefined, { numeric: true })));
+  stations.then((all) => station.append(...all.map((each) => h("option", { value: String(each.id) }, each.name)))).catch(() => {});
+  live.ask("users").then((users) => names.append(...users.map((user) => h("option", { value: user.name })))).catch(() => {});
+
+  function question() {
+    const days = Number(span.value);
+    const from = days ? Math.round(live.now() - days * DAY_MS) : 0;
+    const asked = { user: who.value, station: station.value, kind: kind.value };
+    return new URLSearchParams([["from", from], ...Object.entries(asked).filter(([, value]) => value)]);
+  }
+
+  return list(place, "audit", ["time", "user_name", "action", "station", "detail"], [who, names, station, kind, span, file], async () => {
+    const asked = question();
+    file.href = `api/audit?format=csv&${asked}`;
+    const called = new Map((await stations).map((each) => [each.id, each.name]));
+    return (await live.ask(`audit?${asked}`)).map((row) => [time(row.at, true), row.user, t(`did_${row.action.replace(" ", "_")}`), called.get(row.station) ?? "", row.detail]);
+  });
+}
+
+export function showUsers(main, _number, tab) {
+  live.look({ view: "alarms" }); // links and names of all stations are told with it
+  return tabs(main, { users: userTable, audit: auditTable }, tab);
+}
