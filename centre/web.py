@@ -149,8 +149,8 @@ class Server:
             )
             body = await read_body(request, route.body) if route.body else {}
             asked = Asked(self.centre, session, request, dict(request.match_info), query, body)
-            said = await route.handler(asked)
-            return said if isinstance(said, web.StreamResponse) else web.json_response(said)
+            result = await route.handler(asked)
+            return result if isinstance(result, web.StreamResponse) else web.json_response(result)
 
         return answer
 
