@@ -32,6 +32,8 @@ from lab.master import Master, Report
 from lab.modules import library
 from lab.vehicles import M_ME_TF_1, POSITION, Station, measured, position
 
+pytestmark = pytest.mark.slow  # a centre, a gateway and its module in Python for one use of a centre
+
 CA, OWN_CA, ADDED = 500, 501, 1000
 PLACE, PUMP, LAMP, LEVEL = (ADDED + ioa for ioa in range(1, 5))
 LISTED = POINTS.replace("1,1,,,place", "1,1,position,,place")
