@@ -57,12 +57,12 @@ def _quality(octet: int) -> str:
     return " ".join(word for bit, word in QUALITIES.items() if octet & bit)
 
 
-def _said(value: Any, *more: str) -> str:
+def _joined(value: Any, *more: str) -> str:
     return " ".join([str(value), *filter(None, more)])
 
 
 def _select(octet: int, mask: int) -> str:
-    return _said(octet & mask, "select" if octet & 0x80 else "")
+    return _joined(octet & mask, "select" if octet & 0x80 else "")
 
 
 def _number(form: str) -> Callable[[bytes], str]:
@@ -76,46 +76,48 @@ def _time(octets: bytes) -> str:
     if len(octets) == 7:
         hour, day, month, year = octets[3:]
         clock = f"20{year & 127:02}-{month & 15:02}-{day & 31:02} {hour & 31:02}:{clock}"
-    return _said(clock, "IV" if minute & 0x80 else "")
+    return _joined(clock, "IV" if minute & 0x80 else "")
 
 
 def _counter(octets: bytes) -> str:
     reading, sequence = struct.unpack("<iB", octets)
     words = (word for bit, word in ((0x20, "CY"), (0x40, "CA"), (0x80, "IV")) if sequence & bit)
-    return _said(reading, f"sq {sequence & 31}", *words)
+    return _joined(reading, f"sq {sequence & 31}", *words)
 
 
 # By part: its octets, and how they are told.
 PARTS: dict[str, tuple[int, Callable[[bytes], str]]] = {
-    "SIQ": (1, lambda said: _said(said[0] & 1, _quality(said[0] & 0xF0))),
-    "DIQ": (1, lambda said: _said(said[0] & 3, _quality(said[0] & 0xF0))),
-    "QDS": (1, lambda said: _quality(said[0])),
-    "QDP": (1, lambda said: _quality(said[0] & 0xF0)),
+    "SIQ": (1, lambda octets: _joined(octets[0] & 1, _quality(octets[0] & 0xF0))),
+    "DIQ": (1, lambda octets: _joined(octets[0] & 3, _quality(octets[0] & 0xF0))),
+    "QDS": (1, lambda octets: _quality(octets[0])),
+    "QDP": (1, lambda octets: _quality(octets[0] & 0xF0)),
     "VTI": (
         1,
-        lambda said: _said((said[0] & 127) - (said[0] & 64) * 2, "transient" if said[0] & 128 else ""),
+        lambda octets: _joined(
+            (octets[0] & 127) - (octets[0] & 64) * 2, "transient" if octets[0] & 128 else ""
+        ),
     ),
-    "BSI": (4, lambda said: f"0x{int.from_bytes(said, 'little'):08x}"),
-    "NVA": (2, lambda said: f"{struct.unpack('<h', said)[0] / 32768:.6g}"),
+    "BSI": (4, lambda octets: f"0x{int.from_bytes(octets, 'little'):08x}"),
+    "NVA": (2, lambda octets: f"{struct.unpack('<h', octets)[0] / 32768:.6g}"),
     "SVA": (2, _number("<h")),
     "R32": (4, _number("<f")),
     "BCR": (5, _counter),
-    "SEP": (1, lambda said: _said(said[0] & 3, _quality(said[0] & 0xF0))),
-    "SPE": (1, lambda said: f"0x{said[0]:02x}"),
-    "OCI": (1, lambda said: f"0x{said[0]:02x}"),
-    "SCD": (4, lambda said: f"0x{int.from_bytes(said, 'little'):08x}"),
-    "SCO": (1, lambda said: _select(said[0], 1)),
-    "DCO": (1, lambda said: _select(said[0], 3)),
-    "RCO": (1, lambda said: _select(said[0], 3)),
-    "QOS": (1, lambda said: "select" if said[0] & 0x80 else ""),
-    "Q": (1, lambda said: str(said[0])),
-    "FBP": (2, lambda said: f"0x{int.from_bytes(said, 'little'):04x}"),
-    "T16": (2, lambda said: f"{int.from_bytes(said, 'little')} ms"),
+    "SEP": (1, lambda octets: _joined(octets[0] & 3, _quality(octets[0] & 0xF0))),
+    "SPE": (1, lambda octets: f"0x{octets[0]:02x}"),
+    "OCI": (1, lambda octets: f"0x{octets[0]:02x}"),
+    "SCD": (4, lambda octets: f"0x{int.from_bytes(octets, 'little'):08x}"),
+    "SCO": (1, lambda octets: _select(octets[0], 1)),
+    "DCO": (1, lambda octets: _select(octets[0], 3)),
+    "RCO": (1, lambda octets: _select(octets[0], 3)),
+    "QOS": (1, lambda octets: "select" if octets[0] & 0x80 else ""),
+    "Q": (1, lambda octets: str(octets[0])),
+    "FBP": (2, lambda octets: f"0x{int.from_bytes(octets, 'little'):04x}"),
+    "T16": (2, lambda octets: f"{int.from_bytes(octets, 'little')} ms"),
     "T24": (3, _time),
     "T56": (7, _time),
-    "LAT": (4, lambda said: f"{struct.unpack('<i', said)[0] / 1e7:.7f}"),
-    "ALT": (3, lambda said: f"{int.from_bytes(said, 'little', signed=True) / 10:g} m"),
-    "FIX": (1, lambda said: f"fix {said[0] & 15}, {said[0] >> 4} satellites"),
+    "LAT": (4, lambda octets: f"{struct.unpack('<i', octets)[0] / 1e7:.7f}"),
+    "ALT": (3, lambda octets: f"{int.from_bytes(octets, 'little', signed=True) / 10:g} m"),
+    "FIX": (1, lambda octets: f"fix {octets[0] & 15}, {octets[0] >> 4} satellites"),
 }
 
 
@@ -148,7 +150,7 @@ def decode(apdu: bytes) -> Frame:
     type_, count, cause, _, frame.ca = struct.unpack("<BBBBH", asdu[:6])
     frame.type = NAMES.get(type_, str(type_))
     words = (word for bit, word in ((0x40, "negative"), (0x80, "test")) if cause & bit)
-    frame.cause = _said(CAUSES.get(cause & 63, cause & 63), *words)
+    frame.cause = _joined(CAUSES.get(cause & 63, cause & 63), *words)
     frame.objects = list(_objects(type_, count, asdu[6:]))
     return frame
 

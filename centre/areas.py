@@ -78,10 +78,10 @@ class Areas:
 
     def alarms(self, latitude: float, longitude: float) -> list[tuple[Area, bool]]:
         """Each area, and whether a vehicle at that place is an alarm."""
-        said = []
+        judged = []
         for area, (south, west, north, east) in self._of_station:
             inside = (
                 south <= latitude <= north and west <= longitude <= east and area.holds(latitude, longitude)
             )
-            said.append((area, inside == (area.alarm == "inside")))
-        return said
+            judged.append((area, inside == (area.alarm == "inside")))
+        return judged

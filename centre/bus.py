@@ -78,7 +78,7 @@ class Bus:
         made = mqtt.Client(CallbackAPIVersion.VERSION2, protocol=mqtt.MQTTv5)
         made.on_connect = self._connected
         made.on_disconnect = self._disconnected
-        made.on_message = self._said
+        made.on_message = self._on_message
         made.reconnect_delay_set(RETRY_S, RETRY_MOST_S)
         made.max_inflight_messages_set(AT_ONCE)
         made.will_set(self.topic("centre"), OFFLINE, LEAST_ONCE, retain=True)
@@ -206,7 +206,7 @@ class Bus:
     def _disconnected(self, _: Any, __: Any, ___: Any, reason: Any, ____: Any) -> None:
         self._in_loop(self._death, str(reason))
 
-    def _said(self, _: Any, __: Any, message: mqtt.MQTTMessage) -> None:
+    def _on_message(self, _: Any, __: Any, message: mqtt.MQTTMessage) -> None:
         if message.topic == self.topic("do"):
             if not message.retain:  # what the broker has kept was meant for another time
                 self._in_loop(self._do, message.payload)
@@ -264,18 +264,18 @@ class Bus:
         """A selection or a command, or what follows. The answer names it, or says why there is none."""
         asked: Any = None
         try:
-            said = _object(octets)
-            asked = said.get("id")
+            request = _object(octets)
+            asked = request.get("id")
             for action in ("execute", "cancel"):
-                if action in said:
-                    await self._follow(said[action], action == "execute")
-                    answer: Json = {"command": said[action]}
+                if action in request:
+                    await self._follow(request[action], action == "execute")
+                    answer: Json = {"command": request[action]}
                     break
             else:
-                value = said.get("value")
+                value = request.get("value")
                 if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
                     raise RefusedError(400, "form", "value: a finite number is needed")
-                answer = {"command": (await self.centre.command(USER, self._point(said), float(value))).id}
+                answer = {"command": (await self.centre.command(USER, self._point(request), float(value))).id}
         except CentreError as error:
             answer = {"code": error.code if isinstance(error, RefusedError) else "store", "error": str(error)}
         await self._tell(self.topic("answer"), {"id": asked, **answer}, False)
@@ -287,20 +287,20 @@ class Bus:
             raise RefusedError(403, "not_yours", f"{id_} is no open command of the bus")
         await self.centre.follow(USER, command.id, execute)
 
-    def _point(self, said: Json) -> int:
+    def _point(self, request: Json) -> int:
         model = self.centre.model
         for point in model.points.values():
             name = model.stations[point.station].settings.name
-            if (name, point.ca, point.ioa) == (said.get("station"), said.get("ca"), said.get("ioa")):
+            if (name, point.ca, point.ioa) == (request.get("station"), request.get("ca"), request.get("ioa")):
                 return point.id
         raise RefusedError(404, "unknown", "station, ca and ioa: there is no such point")
 
 
 def _object(octets: bytes) -> Json:
     try:
-        said = json.loads(octets) if len(octets) <= COMMAND_OCTETS else None
+        decoded = json.loads(octets) if len(octets) <= COMMAND_OCTETS else None
     except (ValueError, RecursionError):
-        said = None
-    if not isinstance(said, dict):
+        decoded = None
+    if not isinstance(decoded, dict):
         raise RefusedError(400, "form", f"a command is an object of JSON, of at most {COMMAND_OCTETS} octets")
-    return said
+    return decoded

@@ -161,13 +161,13 @@ class Centre:
                 shards.create_task(self._collect(shard))
 
     async def _collect(self, shard: int) -> None:
-        said = ""
+        last_error = ""
         while True:
             try:
                 await self._session(shard)
             except (OSError, CentreError) as error:
-                if str(error) != said:
-                    said = str(error)
+                if str(error) != last_error:
+                    last_error = str(error)
                     log.warning("rtu-centre at %s: %s; trying again", self.settings.sockets[shard], error)
             await asyncio.sleep(AGAIN_S)
 

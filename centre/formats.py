@@ -218,18 +218,18 @@ class GeoJson(Writer):
 
     def _place(self, place: Place) -> str:
         """The first one waits: alone it would be no line."""
-        position, line, said = self._position(place), self.line, ""
+        position, line, text = self._position(place), self.line, ""
         if not line.times:
             line.first = position
         elif len(line.times) == 1:
-            said = f'{self._feature()}{{"type": "LineString", "coordinates": [{line.first}, {position}'
+            text = f'{self._feature()}{{"type": "LineString", "coordinates": [{line.first}, {position}'
         else:
-            said = f", {position}"
+            text = f", {position}"
         line.times.append(moment(place.at_ms))
         if len(line.times) == WAY_MOST:
-            said += self._end_line(True)
+            text += self._end_line(True)
             self.line = _Line(position, line.times[-1:])
-        return said
+        return text
 
     def _end_line(self, goes_on: bool) -> str:
         properties: dict[str, Any] = {"name": self.name, "point": self.point, "times": self.line.times}

@@ -83,10 +83,10 @@ class Intake:
         """What was stored, and each station and point of the file."""
         database.insert("stations", ["name"], [(name,) for name in self.settings])
         for row in database.execute("SELECT * FROM stations"):
-            said = dict(row)
-            settings = self.settings.get(said.pop("name")) or StationSettings(row["name"])
-            said["link"] = 0
-            self.model.stations[row["id"]] = Station(settings=settings, **said)
+            columns = dict(row)
+            settings = self.settings.get(columns.pop("name")) or StationSettings(row["name"])
+            columns["link"] = 0
+            self.model.stations[row["id"]] = Station(settings=settings, **columns)
             self.by_name[row["name"]] = row["id"]
         untold = INVALID | NOT_TOPICAL
         database.insert(
@@ -167,7 +167,7 @@ class Intake:
 
     def take(self, database: Database, records: Iterable[Record]) -> None:
         """Stores records, and what follows from them."""
-        said: list[Record] = []
+        information: list[Record] = []
         for record in records:
             if record.kind == Kind.STATION:
                 self._station_named(database, record)
@@ -179,10 +179,10 @@ class Intake:
             elif record.kind == Kind.INFORMATION:
                 self._heard(record)
                 if record.content != Content.INITIALISATION and not record.flags & TEST:
-                    said.append(record)
+                    information.append(record)
             elif record.kind == Kind.PROGRESS:
                 self._progress(database, record)
-        self._information(database, said)
+        self._information(database, information)
         database.insert("track", TRACK_COLUMNS, self.places_of_tracks)
         self._store_heard()
         self._quality_alarms(database)

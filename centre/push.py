@@ -50,7 +50,7 @@ class Pusher:
         if self.token:
             headers["Authorization"] = f"Bearer {self.token}"
         timeout = aiohttp.ClientTimeout(total=ANSWER_S)
-        said, pause_s = "", self.settings.period_s
+        last_error, pause_s = "", self.settings.period_s
         self.centre.watchers.add(self)
         try:
             async with aiohttp.ClientSession(headers=headers, timeout=timeout) as session:
@@ -65,12 +65,12 @@ class Pusher:
                             await self._post(session, content)
                     except (OSError, aiohttp.ClientError, TimeoutError) as error:
                         self.waiting = {**dict.fromkeys(taken), **self.waiting}
-                        if str(error) != said:
-                            said = str(error)
+                        if str(error) != last_error:
+                            last_error = str(error)
                             log.warning("positions to %s: %s; trying again", self.settings.url, error)
                         pause_s = min(2 * pause_s, max(RETRY_MOST_S, self.settings.period_s))
                     else:
-                        said, pause_s = "", self.settings.period_s
+                        last_error, pause_s = "", self.settings.period_s
         finally:
             self.centre.watchers.discard(self)
 

@@ -165,15 +165,15 @@ def read_batch(octets: bytes) -> tuple[int, list[Record]]:
     return sequence, [_record(*fields) for fields in RECORD.iter_unpack(octets[HEADER.size :])]
 
 
-def _record(kind: int, flags: int, ca: int, station: int, connection: int, ioa: int, said: bytes) -> Record:
+def _record(kind: int, flags: int, ca: int, station: int, connection: int, ioa: int, body: bytes) -> Record:
     if kind == Kind.STATION:
-        name = said.rstrip(b"\0").decode(errors="replace")
+        name = body.rstrip(b"\0").decode(errors="replace")
         return Record(kind, flags, ca, station, connection, ioa, name)
     if kind == Kind.OCTETS:
-        seen_ns = int.from_bytes(said[:8], "little")
-        octets = said[8 : 8 + ca]
+        seen_ns = int.from_bytes(body[:8], "little")
+        octets = body[8 : 8 + ca]
         return Record(kind, flags, 0, station, connection, 0, received_ns=seen_ns, octets=octets)
-    return Record(kind, flags, ca, station, connection, ioa, "", *SAID.unpack(said))
+    return Record(kind, flags, ca, station, connection, ioa, "", *SAID.unpack(body))
 
 
 def acknowledgement(sequence: int) -> bytes:

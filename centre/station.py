@@ -68,18 +68,18 @@ class Below:
 
     async def _run(self) -> None:
         """For ever: what ends it is the end of the process."""
-        said = ""
+        last_reason = ""
         timeout = aiohttp.ClientTimeout(total=ANSWER_S)
         async with aiohttp.ClientSession(headers=self.headers, timeout=timeout) as self.session:
             while True:
                 why = "it has ended the connection"
                 try:
                     await self._watch()
-                    said = ""
+                    last_reason = ""
                 except (OSError, aiohttp.ClientError, TimeoutError, ValueError) as error:
                     why = str(error)
-                self.news.append(([], [], False, "" if why == said else why))
-                said = why
+                self.news.append(([], [], False, "" if why == last_reason else why))
+                last_reason = why
                 await asyncio.sleep(AGAIN_S)
 
     async def _watch(self) -> None:
@@ -93,20 +93,20 @@ class Below:
             async for message in socket:
                 if message.type != aiohttp.WSMsgType.TEXT:
                     break
-                said = message.json()
-                names |= {each["id"]: each["name"] for each in said["stations"]}
-                for point in said["points"]:
+                state = message.json()
+                names |= {each["id"]: each["name"] for each in state["stations"]}
+                for point in state["points"]:
                     places[point["id"]] = place = names[point["station"]], point["ca"], point["ioa"]
                     self.ids[place] = point["id"]
                 told = [
                     (places[value["id"]], value)
-                    for value in said["points"] + said["values"]
+                    for value in state["points"] + state["values"]
                     if value["received"]
                 ]
                 links = [
-                    (each["name"], each["link"] == Link.UP, each["since"] or 0) for each in said["stations"]
+                    (each["name"], each["link"] == Link.UP, each["since"] or 0) for each in state["stations"]
                 ]
-                self.news.append((told, links, said["collects"], ""))
+                self.news.append((told, links, state["collects"], ""))
 
     # ---- commands ------------------------------------------------------------------------------
 
@@ -163,10 +163,10 @@ class Below:
         assert self.session
         url = f"{self.url}/api/{path}"
         async with self.session.request(method, url, json=body, ssl=self.tls or True) as response:
-            said = await response.json()
+            answer = await response.json()
         if response.status >= 400:
-            raise RefusedError(said.get("code", ""))
-        return said
+            raise RefusedError(answer.get("code", ""))
+        return answer
 
 
 class Points:

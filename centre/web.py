@@ -152,8 +152,8 @@ class Server:
             if route.confirms and not await self.fits(session.user, body["own_password"], request.remote):
                 raise RefusedError(403, "own_password", "your own password is wrong")
             asked = Asked(self.centre, session, request, dict(request.match_info), query, body)
-            said = await route.handler(asked)
-            return said if isinstance(said, web.StreamResponse) else web.json_response(said)
+            result = await route.handler(asked)
+            return result if isinstance(result, web.StreamResponse) else web.json_response(result)
 
         return answer
 

@@ -33,6 +33,10 @@ SPREAD = {
 }
 
 
+# Many files of these areas, none of which waits for a gateway's lines and timers.
+SHORT = {"image", "netboot", "pins"}
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--area", choices=AREAS, help="only the tests of this area")
 
@@ -46,10 +50,16 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Files with many slow tests first, what is spread last: so the workers end together."""
+    """Files with many slow tests first, short ones and what is spread last: so the workers end together."""
     if config.getoption("--dist") == "loadfile":
         slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
-        items.sort(key=lambda item: (file_of(item.nodeid) in SPREAD, -slow[item.path]))
+        items.sort(
+            key=lambda item: (
+                file_of(item.nodeid) in SPREAD,
+                -slow[item.path],
+                area_of(item.nodeid) in SHORT,
+            )
+        )
 
 
 def pytest_collection(session: pytest.Session) -> None:

@@ -20,6 +20,8 @@ from peers.libmodbus_device import LibmodbusDevice
 from peers.line import line
 from peers.pymodbus_device import PymodbusDevice
 
+pytestmark = pytest.mark.slow  # four devices in Python; those of the quick tests are linesim's
+
 MAKES: dict[str, type[Device]] = {"pymodbus": PymodbusDevice, "libmodbus": LibmodbusDevice}
 SERIAL_PORTS = dict(zip(MAKES, (1, 2), strict=True))  # ttyS1 and ttyS2
 TCP_PORTS = dict(zip(MAKES, (7, 8), strict=True))
@@ -192,7 +194,6 @@ def test_every_table_and_type_arrives(peer: Peer) -> None:
         assert (report.type, report.cause, report.quality) == (kind, "SPONTANEOUS", "good")
 
 
-@pytest.mark.slow
 def test_2000_bits_and_125_registers_come_in_one_answer(peer: Peer) -> None:
     bits = random.Random(2000).choices([0, 1], k=len(MANY_BITS))
     words = random.Random(125).choices(range(65536), k=len(MANY_REGISTERS))
@@ -226,7 +227,6 @@ def test_refused_read_is_taken_apart(peer: Peer, function: int, first: int, coun
     assert f"{unit}: exception 2 to function {function}, address {MISSING}" in peer.gateway.log(200)
 
 
-@pytest.mark.slow
 def test_missing_objects_are_invalid_and_their_neighbours_good(peer: Peer) -> None:
     assert peer.invalid() == MISSING_POINTS
     invalid = {ioa for ioa, report in peer.interrogate().items() if not report.good}
@@ -294,7 +294,6 @@ def test_command_that_the_device_refuses_is_negative(
 # ---- power -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 def test_device_without_power_is_invalid_until_it_has_it_again(peer: Peer, peers: dict[str, Peer]) -> None:
     others = [candidate for candidate in peers.values() if candidate is not peer]
     everything = set(peer.points())

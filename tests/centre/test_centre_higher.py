@@ -43,6 +43,8 @@ from lab.vehicles import (
     stepped,
 )
 
+pytestmark = pytest.mark.slow  # a centre, a gateway and its module in Python for one use of a centre
+
 CA, OWN_CA, ADDED, GUARDED = 500, 501, 1000, 2000
 PLACE, PUMP, LAMP, LEVEL = (ADDED + ioa for ioa in range(1, 5))
 LISTED = POINTS.replace("1,1,,,place", "1,1,position,,place") + "1,6,M_ST_NA_1,C_RC_NA_1,tap,,true,,,,\n"
