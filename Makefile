@@ -8,7 +8,7 @@ SHELL := bash
 MAKEFLAGS += --no-print-directory
 # Containers set it to stay small. Here each of some thousand starts of Python would compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
-.PHONY: help setup build centre centre-page install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot image-offline source unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-debug-kernel test-sanitizers test-native test-changed test busy soak lab run run-native twin bench bench-polls bench-map clean netboot distclean
+.PHONY: help setup build centre centre-page install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot image-offline source unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-debug-kernel test-offline test-sanitizers test-native test-changed test busy soak lab run run-native twin bench bench-polls bench-map clean netboot distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -511,6 +511,12 @@ test-linux: linux image-debian build/swupdate/done build/curl/done lab qemu uboo
 test-debug-kernel: linux-debug image-debian qemu uboot build $(TESTED) ## Test: the drivers on a kernel that watches itself, half an hour
 	$(PYTHON) -m pytest -m soak tests/linux/test_debug_kernel.py
 
+# For the site of `make run`: its key opens the board.
+test-offline: build qemu uboot $(TESTED) ## Test: the image of image-offline on the emulated board, an hour with its build
+	@$(LAB).site build/site
+	$(MAKE) image-offline BUILDROOT_DIR='$(BUILDROOT_DIR)' SITE=build/site/lab
+	$(PYTHON) -m pytest -m soak tests/linux/test_image_offline.py
+
 test-sanitizers: build .asan $(TESTED) ## Test: the gateway's tests, its modules under AddressSanitizer and UBSan
 	OPENRTU_BUILD=build/asan $(PYTEST) $(UNDER_SANITIZERS)
 
@@ -528,7 +534,7 @@ SHARED     := build .arm qemu uboot centre-page build/packages-deb.done build/pa
 ONLY_LINUX := linux build/swupdate/done build/curl/done $(SYSTEM_PARTS) build/root/gateway-tls.done
 PARTS      := lint unit asan cross fuzzers test-sanitizers test-native
 
-test: $(VENV) ## Test: all but soak and test-debug-kernel; then what it cost and what failed
+test: $(VENV) ## Test: all but soak, test-debug-kernel, test-offline; then its cost and what failed
 	rm -rf build/times
 	mkdir -p build/{log,times}; failed=; parts=; begun=0; log=build/log/test-linux.log; \
 	ended() { parts+="$$(printf '\n%6d s  %s' $$((SECONDS - begun)) "$$1")"; begun=$$SECONDS; }; \
@@ -577,9 +583,12 @@ centre: build centre-page $(VENV) ## See it: a control centre with 20 simulated 
 ifneq ($(origin IMAGE),command line)
 run: build qemu uboot lab $(VENV) ## See it: the emulated board, from reset to the control room (KEEP=1; PORT=; IMAGE=)
 	@$(LAB).board_show $(AT_PORT) $(if $(KEEP),--keep)
-else
+else ifndef SITE
 run: qemu uboot $(VENV)
 	@$(LAB).image '$(IMAGE)'
+else # which it was made with
+run: build qemu uboot $(VENV)
+	@$(LAB).board_show $(AT_PORT) $(if $(KEEP),--keep) --image '$(IMAGE)'
 endif
 
 twin: qemu uboot $(VENV) ## See it: the emulated board: from reset to a file over TFTP, its pins, a wrong pin

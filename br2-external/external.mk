@@ -11,6 +11,9 @@ LINUX_PRE_BUILD_HOOKS += OPENRTU_LINUX_IMAGE_FOLDER
 # is for exactly one release: patch-5.10.140-rt73.
 LINUX_CPE_ID_VERSION = $(word 2,$(subst -, ,$(notdir $(LINUX_PATCHES))))
 
+# Buildroot makes BusyBox run as root whoever starts it, for su and passwd. Nobody but root has a shell here.
+BUSYBOX_PERMISSIONS =
+
 # Buildroot builds local sources and device trees once: what changed since then would not be in the image.
 openrtu_sources := $(shell find $(BR2_EXTERNAL_OPENRTU_PATH)/../package/openrtu -type f)
 $(OPENRTU_TARGET_RSYNC) $(OPENRTU_TARGET_BUILD): $(openrtu_sources)

@@ -102,6 +102,9 @@ rm -f "$target/etc/init.d/S59snmpd"
 # Nothing writes U-Boot's environment in service.
 rm -f "$target"/usr/{bin,sbin}/fw_setenv
 
+# It would write a seed onto the root at each start, by an applet that BusyBox 1.35 lacks: S00random gathers.
+rm -f "$target/etc/init.d/S01seedrng"
+
 # Buildroot's own would start chronyd without servers, too: S45chronyd does not.
 rm -f "$target"/etc/init.d/S49chrony*
 

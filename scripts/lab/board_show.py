@@ -27,9 +27,9 @@ from lab.board import (
     Ssh,
     configuration,
     lines_at,
-    netboot,
     stations,
 )
+from lab.boots import Image, flash_for
 from lab.gateway import REPOSITORY, free_port, remove
 from lab.manager import free_udp_port
 from lab.ports import check_free
@@ -75,7 +75,7 @@ from nuc980.twin.machine import INSTRUCTION_TIME, Machine
 
 QEMU = REPOSITORY / "build/qemu/bin/qemu-system-arm"
 UBOOT = REPOSITORY / "build/u-boot/u-boot.bin"
-SYSTEM = REPOSITORY / "build/system-lab"
+SYSTEM = Image(REPOSITORY / "build/system-lab")
 KEY = REPOSITORY / "build/site/key"
 
 IEC61850_PORT, SNMP_PORT = 102, 161
@@ -206,6 +206,7 @@ def start_board(
     ways: Ways,
     config: dict[str, Any],
     files: dict[str, bytes],
+    image: Image,
     verdict: Verdict,
 ) -> Board:
     """From reset to the gateway's first answer."""
@@ -216,12 +217,13 @@ def start_board(
     console = directory / "console.log"
     add_console(verdict, console)
     chardevs = {0: f"pty,logfile={console}", **lines_at(directory / "dev")}
-    arguments = [*INSTRUCTION_TIME, "-bios", UBOOT, *nics]
+    flash = flash_for(image, QEMU, UBOOT, directory) if image.ubi.exists() else []
+    arguments = [*INSTRUCTION_TIME, "-bios", UBOOT, *nics, *flash]
     machine = stack.enter_context(Machine(QEMU, *arguments, uarts=(), chardevs=chardevs))
     verdict.add_machine(machine)
     say(f"   * the emulated board is switched on; its debug UART is {machine.pty(0)}")
     progress = Progress()
-    netboot(machine, directory, SYSTEM / "uImage", SYSTEM / "nuc980-gateway.dtb", progress)
+    image.boot(machine, directory, progress)
     ssh = stack.enter_context(Ssh(ways.ssh, KEY, directory))
     board = Board(machine, ssh.run, ("127.0.0.1", ways.station))
     board.rtuctl = [*ssh.command, "rtuctl"]
@@ -252,7 +254,7 @@ def add_console(verdict: Verdict, console: Path) -> None:
     verdict.causes.append(trouble)
 
 
-def show(port: int, keep: bool, verdict: Verdict) -> None:
+def show(port: int, keep: bool, image: Image, verdict: Verdict) -> None:
     """Runs the show; raises what went wrong."""
     check_free(port, f"make run{' KEEP=1' if keep else ''}")
     begin = time.monotonic()
@@ -267,7 +269,7 @@ def show(port: int, keep: bool, verdict: Verdict) -> None:
         management = stack.enter_context(managed.managed(folder, snmp, ways.snmp))
         config, files = furnished(directory, snmp)
         files[snmp["keys"]] = managed.keys_of(folder).read_bytes()
-        board = start_board(stack, directory, ways, config, files, verdict)
+        board = start_board(stack, directory, ways, config, files, image, verdict)
         master = start_master(stack, board, verdict)
         desk = BoardDesk(lines, board, master, management, ways.iec61850)
         run_steps(desk, BOARD_STEPS, verdict)
@@ -282,13 +284,15 @@ def main() -> int:
     """The command line. Exit codes: 0 every step succeeded, 1 one did not, 2 wrong usage or nothing built."""
     parser = argparse.ArgumentParser(prog="make run", description=__doc__.splitlines()[0])
     add_options(parser)
+    parser.add_argument("--image", type=Path, help="another one, made with SITE=build/site/lab")
     arguments = parser.parse_args()
-    for file, target in ((QEMU, "qemu"), (UBOOT, "uboot"), (SYSTEM / "uImage", "run")):
+    image = Image(arguments.image) if arguments.image else SYSTEM
+    for file, target in ((QEMU, "qemu"), (UBOOT, "uboot"), (image.uimage, "run")):
         if not file.exists():
             print(f"make run: {file} does not exist; type: make {target}", file=sys.stderr)
             return 2
     verdict = Verdict(typed("make run", arguments), "run")
-    return run(verdict, lambda: show(arguments.port, arguments.keep, verdict))
+    return run(verdict, lambda: show(arguments.port, arguments.keep, image, verdict))
 
 
 if __name__ == "__main__":

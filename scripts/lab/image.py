@@ -14,23 +14,17 @@ import tempfile
 import time
 from pathlib import Path
 
-from lab.board import ETHERNET, netboot
+from lab.board import ETHERNET
 from lab.board_show import QEMU, UBOOT, add_console
+from lab.boots import LOG_IN, Image, flash_for
 from lab.gateway import remove
-from lab.show import NotSeenError, say
+from lab.show import say
 from lab.verdict import Verdict, run
-from nuc980.netboot import cli
 from nuc980.netboot.progress import Progress
-from nuc980.netboot.target import Linux
-from nuc980.netboot.transport import Line
 from nuc980.twin.linux import TROUBLE
 from nuc980.twin.machine import Machine
-from nuc980.twin.nand import NandImage
-from nuc980.twin.network import free_udp_port
 
-BOOT_SECONDS = 300.0
 LOG_SECONDS = 5.0
-IMAGE = ("uImage", "nuc980-gateway.dtb", "rootfs.ubi")  # the last one only where the root is in the flash
 # What the console says, by what it is.
 SEEN = {
     "U-Boot": r"^(U-Boot \d.*?)\r?$",
@@ -38,37 +32,26 @@ SEEN = {
     "board": r"Machine model: (.*?)\r?$",
     "arguments": r"Kernel command line: (.*?)\r?$",
     "/data": r'UBIFS.*: mounted (UBI device \d+, volume \d+), name "data"',
-    "log-in": r"^(\S+ login:)",
+    "log-in": LOG_IN,
 }
 
 
-def show(folder: Path, verdict: Verdict) -> None:
-    """Boots it. The flash is empty, and there in any case: the vendor's kernel needs one.
-
-    Raises NetbootError, MachineError, NotSeenError.
-    """
+def show(image: Image, verdict: Verdict) -> None:
+    """Boots it. Raises NetbootError, MachineError, NotSeenError."""
     directory = Path(tempfile.mkdtemp(prefix="openrtu-"))
     verdict.expected = "the image boots to its log-in"
     with contextlib.ExitStack() as stack, verdict.watched():
         stack.callback(remove, directory)
-        flash = NandImage.blank(directory / "nand.img")
         console = directory / "console.log"
         add_console(verdict, console)
-        arguments = ["-bios", UBOOT, "-drive", f"if=mtd,format=raw,file={flash.path}"]
+        arguments = ["-bios", UBOOT, *flash_for(image, QEMU, UBOOT, directory)]
         arguments += [word for network in ETHERNET for word in network.arguments({})]
         machine = stack.enter_context(
             Machine(QEMU, *arguments, uarts=(), chardevs={0: f"pty,logfile={console}"})
         )
         verdict.add_machine(machine)
-        uimage, dtb, ubi = (folder / name for name in IMAGE)
-        in_flash = ubi.exists()
-        if in_flash:
-            install(machine, directory, uimage, dtb, ubi)
         begin = time.monotonic()
-        if in_flash:
-            boot_from_flash(machine)
-        else:
-            netboot(machine, directory, uimage, dtb, Progress())
+        image.boot(machine, directory, Progress())
         took = time.monotonic() - begin
         tell(log_of(console), took)
 
@@ -81,27 +64,6 @@ def log_of(console: Path) -> str:
         if re.search(SEEN["log-in"], log, re.MULTILINE) or time.monotonic() > deadline:
             return log
         time.sleep(0.01)
-
-
-def install(machine: Machine, directory: Path, uimage: Path, dtb: Path, ubi: Path) -> None:
-    """Writes all of it into the flash, as one does with a board. Raises NotSeenError."""
-    code = cli.main(
-        ["flash", "--kernel", str(uimage), "--dtb", str(dtb), "--ubi", str(ubi),
-         "--no-backup", "the flash is empty", "--site", str(directory / "site"), "--port", machine.pty(0),
-         "--board-ip", ETHERNET[0].board, "--server-ip", ETHERNET[0].host,
-         "--listen", "127.0.0.1", "--seen-as", "127.0.0.1", "--tftp-port", str(free_udp_port())]
-    )  # fmt: skip
-    if code:
-        raise NotSeenError(
-            f"nuc980-netboot flash ended with {code}; its lines are above", expected="the image in the flash"
-        )
-
-
-def boot_from_flash(machine: Machine) -> None:
-    """As a board does by itself: by its own boot command. Raises NetbootError."""
-    with Line(machine.pty(0)) as line:
-        machine.command("system_reset")
-        Linux(line).expect(SEEN["log-in"], BOOT_SECONDS)
 
 
 def tell(log: str, seconds: float) -> None:
@@ -119,13 +81,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="make run IMAGE=", description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, help="build/nuc980_netboot, or another with an image")
     folder = parser.parse_args().folder
-    images = folder / "images" if (folder / "images").is_dir() else folder
-    for name in IMAGE[:2]:
-        if not (images / name).exists():
-            print(f"make run: {images / name} does not exist; type: make image-buildroot", file=sys.stderr)
-            return 2
+    image = Image(folder)
+    if missing := image.missing():
+        print(f"make run: {missing} does not exist; type: make image-buildroot", file=sys.stderr)
+        return 2
     verdict = Verdict(f"make run IMAGE={folder}", "run-image")
-    return run(verdict, lambda: show(images, verdict))
+    return run(verdict, lambda: show(image, verdict))
 
 
 if __name__ == "__main__":
