@@ -102,6 +102,9 @@ rm -f "$target/etc/init.d/S59snmpd"
 # Nothing writes U-Boot's environment in service.
 rm -f "$target"/usr/{bin,sbin}/fw_setenv
 
+# rtu-update runs SWUpdate for one file at a time; started as it is, it would wait for updates of anybody on the board.
+rm -rf "$target/etc/init.d/S80swupdate" "$target/usr/lib/swupdate" "$target/etc/swupdate"
+
 # Buildroot's own would start chronyd without servers, too: S45chronyd does not.
 rm -f "$target"/etc/init.d/S49chrony*
 
