@@ -105,6 +105,9 @@ rm -f "$target"/usr/{bin,sbin}/fw_setenv
 # It would write a seed onto the root at each start, by an applet that BusyBox 1.35 lacks: S00random gathers.
 rm -f "$target/etc/init.d/S01seedrng"
 
+# rtu-update runs SWUpdate for one file at a time; started as it is, it would wait for updates of anybody on the board.
+rm -rf "$target/etc/init.d/S80swupdate" "$target/usr/lib/swupdate" "$target/etc/swupdate"
+
 # Buildroot's own would start chronyd without servers, too: S45chronyd does not.
 rm -f "$target"/etc/init.d/S49chrony*
 

@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[2]
 TABLE = offline.read_table()
 PACKAGES = {each.package for each in TABLE.sources}
 # Of no archive: they are in Buildroot, in the kernel's source or here.
-INSIDE = re.compile(r"openrtu.*|linux-tools-.*|busybox-config-fragment-files")
+INSIDE = re.compile(r"openrtu.*|linux-tools-.*|busybox-config-fragment-files|swupdate-config")
 PROVIDED = {"openssl": "libopenssl", "zlib": "libzlib"}
 SUM = "0" * 64
 ROW = f'[[source]]\npackage = "jansson"\ndebian = "jansson"\nversion = "2.14-2"\nsha256 = "{SUM}"\n'

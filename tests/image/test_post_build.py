@@ -19,7 +19,7 @@ def target(tmp_path: Path) -> Path:
     for folder in ("etc/init.d", "etc/openrtu", "root/.ssh", "usr/bin"):
         (root / folder).mkdir(parents=True)
     (root / "etc/shadow").write_text(LOCKED)
-    for script in ("S01seedrng", "S49chronyd", "S50sshd", "S59snmpd"):
+    for script in ("S01seedrng", "S49chronyd", "S50sshd", "S59snmpd", "S80swupdate"):
         (root / "etc/init.d" / script).touch()
     (root / "usr/bin/fw_printenv").touch()
     (root / "usr/bin/fw_setenv").symlink_to("fw_printenv")

@@ -153,13 +153,21 @@ def test_failure_when_the_old_version_is_back(board: Board, server: UpdateServer
 
 
 @pytest.mark.slow
-def test_refusal_is_reported_with_its_reason(board: Board, server: UpdateServer) -> None:
+@pytest.mark.parametrize(
+    "why",
+    [
+        "refused, and slot B is as it was: it is not signed by a certificate of this board",
+        "refused, and slot B is as it was: it is older than version 1.2.3, which runs",
+        "failed, and slot B holds nothing that boots: it does not fit the slot",
+    ],
+    ids=["another signature", "older", "no space"],
+)
+def test_refusal_is_reported_with_its_reason(why: str, board: Board, server: UpdateServer) -> None:
     offer(server)
-    why = "rtu-update: refused, and slot B is as it was: it is not signed by a certificate of this board"
-    board.refuses(why)
+    board.refuses(f"rtu-update: {why}")
     assert board.pull().returncode == 0
     assert server.results[1:] == [("12", "closed", "failure")]
-    assert server.reports[-1]["status"]["details"] == [why]
+    assert server.reports[-1]["status"]["details"] == [f"rtu-update: {why}"]
     assert not board.restarted
 
 

@@ -5,29 +5,35 @@ The board has the marks and the environment of `nuc980-netboot install`. Linux i
 with the arguments of slot A. What comes as an update are small kernels that only say how they were started.
 """
 
-import json
 import subprocess
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
-from update_board import PULL, SITE, VERSION, files_of, held, install, make_signer
+from update_board import (
+    PATIENCE,
+    PULL,
+    SITE,
+    VERSION,
+    devices,
+    files_of,
+    flash_after_install,
+    held,
+    install,
+    make_signer,
+    slow_lines,
+    wait_for,
+)
 
-from desk import CHAPTER_5
 from image.update import Signer, data_format, update_file
-from lab.board import ETHERNET, SILENCE_US, SSH_PORT, Ssh, configuration, lines_at
+from lab.board import ETHERNET, SSH_PORT, Ssh, lines_at
 from lab.linesim import LineSim
-from netboot.flashbench import at_prompt, copy, options, switched_on, uimage
-from netboot.ports import free_port
-from netboot.test_slots_twin import QUICKER, slots_in, tree_that
-from nuc980.netboot.cli import main
-from nuc980.netboot.environment import read_environment
+from netboot.flashbench import copy, uimage
+from netboot.test_slots_twin import slots_in, tree_that
 from nuc980.netboot.limits import BLOCK
-from nuc980.netboot.plan import SetVariable
 from nuc980.netboot.slots.layout import BASE, PLACES, TRIAL
 from nuc980.netboot.slots.marks import TRIAL_WORD, page
 from nuc980.netboot.slots.script import partitions
@@ -39,7 +45,6 @@ from peers.ddi import Authority, UpdateServer
 ROOT = Path(__file__).resolve().parents[2]
 PAYLOAD = Path(__file__).parents[1] / "netboot/payload/Makefile"
 KERNEL_BYTES = 300_001
-PATIENCE = 180.0
 OLDER = "0.0.9"
 ERASED = b"\xff" * PAGE
 
@@ -54,25 +59,10 @@ def small(folder: Path) -> bytes:
 @pytest.fixture(scope="module")
 def nand(folder: Path, qemu: Path, uboot: Path, small: bytes) -> NandImage:
     """A flash after `install`, with bad blocks: a mark's first, that of B's tree, too many of B's kernel."""
-    nand = NandImage.blank(folder / "nand")
     kernel, tree = PLACES["b"].kernel, PLACES["b"].device_tree
     spare = (kernel.size - kernel.room) // BLOCK
-    for offset in (tree.offset, BASE[0].offset, *(kernel.offset + BLOCK * at for at in range(spare + 1))):
-        nand.mark_bad(offset // BLOCK)
-    images = folder / "uImage.small", folder / "dtb.small"
-    images[0].write_bytes(small)
-    images[1].write_bytes(uboot.with_suffix(".dtb").read_bytes())
-    with switched_on(qemu, uboot, nand) as board:
-        with at_prompt(board) as session:
-            session.console.run("setenv bootdelay 0; saveenv", 30).required()
-        given = options(board, folder / "netboot-site", free_port())
-        assert main(["install", *map(str, images), "--no-backup", "a blank flash", *given]) == 0
-        with at_prompt(board) as session:
-            environment = read_environment(session.console).variables
-            for name, long, short in QUICKER:
-                SetVariable(name, environment[name].replace(long, short)).run(session)
-            session.console.run("saveenv", 30).required()
-    return nand
+    bad = (tree.offset, BASE[0].offset, *(kernel.offset + BLOCK * at for at in range(spare + 1)))
+    return flash_after_install(folder, qemu, uboot, small, uboot.with_suffix(".dtb").read_bytes(), bad)
 
 
 @pytest.fixture(scope="module")
@@ -102,12 +92,6 @@ def board_arguments(nand: NandImage, ssh: Ssh) -> tuple[str | Path, ...]:
     return (*ETHERNET[0].arguments({ssh.port: SSH_PORT}), *drive, *INSTRUCTION_TIME)
 
 
-def wait_for(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < deadline
-
-
 @pytest.fixture(scope="module")
 def board(linux: Linux, ssh: Ssh) -> Ssh:
     """Linux in slot A, with a way in."""
@@ -115,20 +99,9 @@ def board(linux: Linux, ssh: Ssh) -> Ssh:
     return ssh
 
 
-def slow_lines() -> dict[str, Any]:
-    """The devices' lines as a pty has them."""
-    config = configuration()
-    for port in config["port"]:
-        port.update(baud_rate=9600, parity=0, stop_bits=1)
-    return config
-
-
 @pytest.fixture(scope="module")
 def lines(folder: Path, linesim_program: Path) -> Iterator[LineSim]:
-    file = folder / "linesim.json"
-    file.write_text(json.dumps(slow_lines()))
-    values = CHAPTER_5 / "values.json"
-    with LineSim(file, values, folder / "dev", silence_us=SILENCE_US, program=linesim_program) as lines:
+    with devices(folder, linesim_program) as lines:
         yield lines
 
 

@@ -3,11 +3,23 @@
 
 import json
 import subprocess
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from desk import CHAPTER_5
 from image import update
-from lab.board import Ssh
+from lab.board import SILENCE_US, Ssh, configuration
+from lab.linesim import LineSim
+from netboot.flashbench import at_prompt, options, switched_on
+from netboot.ports import free_port
+from netboot.test_slots_twin import QUICKER
+from nuc980.netboot.cli import main
+from nuc980.netboot.environment import read_environment
+from nuc980.netboot.limits import BLOCK
+from nuc980.netboot.plan import SetVariable
 from nuc980.netboot.slots.layout import Area
 from nuc980.twin.nand import DATA, PAGES, NandImage
 
@@ -29,6 +41,54 @@ PULL = {
 }
 VERSION = (ROOT / "package/openrtu/src/VERSION").read_text().strip()
 SITE = "station-7"
+PATIENCE = 180.0
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < deadline
+
+
+def flash_after_install(
+    folder: Path, qemu: Path, uboot: Path, kernel: bytes, tree: bytes, bad: Iterable[int]
+) -> NandImage:
+    """Both slots have these, by `nuc980-netboot install`; U-Boot does not wait. bad: offsets of blocks."""
+    nand = NandImage.blank(folder / "nand")
+    for offset in bad:
+        nand.mark_bad(offset // BLOCK)
+    images = folder / "uImage.small", folder / "dtb.small"
+    for image, content in zip(images, (kernel, tree), strict=True):
+        image.write_bytes(content)
+    with switched_on(qemu, uboot, nand) as board:
+        with at_prompt(board) as session:
+            session.console.run("setenv bootdelay 0; saveenv", 30).required()
+        given = options(board, folder / "netboot-site", free_port())
+        assert main(["install", *map(str, images), "--no-backup", "a blank flash", *given]) == 0
+        with at_prompt(board) as session:
+            environment = read_environment(session.console).variables
+            for name, long, short in QUICKER:
+                SetVariable(name, environment[name].replace(long, short)).run(session)
+            session.console.run("saveenv", 30).required()
+    return nand
+
+
+def slow_lines() -> dict[str, Any]:
+    """The devices' lines as a pty has them."""
+    config = configuration()
+    for port in config["port"]:
+        port.update(baud_rate=9600, parity=0, stop_bits=1)
+    return config
+
+
+@contextmanager
+def devices(folder: Path, linesim_program: Path) -> Iterator[LineSim]:
+    """At those lines."""
+    file = folder / "linesim.json"
+    file.write_text(json.dumps(slow_lines()))
+    values = CHAPTER_5 / "values.json"
+    with LineSim(file, values, folder / "dev", silence_us=SILENCE_US, program=linesim_program) as lines:
+        yield lines
 
 
 def make_signer(folder: Path, name: str) -> update.Signer:
