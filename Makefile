@@ -532,7 +532,7 @@ SHARED     := build qemu uboot centre-page build/packages-deb.done build/package
 ONLY_LINUX := linux build/swupdate/done build/curl/done $(SYSTEM_PARTS) build/root/gateway-tls.done
 PARTS      := lint unit asan cross fuzzers test-sanitizers test-native
 
-test: $(VENV) ## Test: all but soak, test-debug-kernel, test-offline; then its cost and what failed
+test: $(VENV) ## Test: all but soak, test-debug-kernel and test-offline; its cost, what failed
 	rm -rf build/times
 	mkdir -p build/log; failed=; parts=; begun=0; \
 	ended() { parts+="$$(printf '\n%6d s  %s' $$((SECONDS - begun)) "$$1")"; begun=$$SECONDS; }; \
