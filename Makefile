@@ -560,7 +560,7 @@ TIMES := 20
 busy: $(VENV) ## Test: the shows and test-quick beside busy processes (BUSY=8, TIMES=20, TARGETS=)
 	$(PYTHON) tests/busy.py --processes $(BUSY) --times $(TIMES) $(TARGETS)
 
-soak: build qemu uboot linux linux-debug image-debian build/swupdate/done build/curl/done $(TESTED) ## Test: hours: 1000 kills of each module, 500 boots, 200 netboots, 600 power cuts
+soak: build qemu uboot linux linux-debug image-debian build/swupdate/done build/curl/done $(TESTED) ## Test: hours: 1000 kills of each module, 500 boots, 200 netboots, 2000 power cuts
 	$(PYTHON) -m pytest -m soak
 
 # ---- see it --------------------------------------------------------------------------------------
