@@ -534,7 +534,7 @@ SHARED     := build .arm qemu uboot centre-page build/packages-deb.done build/pa
 ONLY_LINUX := linux build/swupdate/done build/curl/done $(SYSTEM_PARTS) build/root/gateway-tls.done
 PARTS      := lint unit asan cross fuzzers test-sanitizers test-native
 
-test: $(VENV) ## Test: all but soak, debug kernel and offline image; then what it cost and what failed
+test: $(VENV) ## Test: all but soak, test-debug-kernel, test-offline; then what it cost
 	rm -rf build/times
 	mkdir -p build/{log,times}; failed=; parts=; begun=0; log=build/log/test-linux.log; \
 	ended() { parts+="$$(printf '\n%6d s  %s' $$((SECONDS - begun)) "$$1")"; begun=$$SECONDS; }; \

@@ -45,7 +45,7 @@ pytestmark = pytest.mark.slow
 
 STARTED = re.compile(rb"Kernel command line: [^\n]*openrtu\.slot=(\w)( openrtu\.trial)?")
 # What the boot command does in less time: the watchdog's 2^16 ticks, 2.8 s, and as much as the payload needs.
-QUICKER = (("rtu_watch", "0x882", "0x682"), ("rtu_boot", "0x900000", "0x80000"))
+QUICKER = (("rtu_watch", "0x882", "0x682"), ("rtu_boot", "0x880000", "0x80000"))
 ERASED = b"\xff" * PAGE
 SEED = 980
 PATIENCE = 180.0  # s, with a host that has much else to do
@@ -235,6 +235,16 @@ def test_slot_that_does_not_load_is_passed_over(
     else:
         flash.erase(offset)
     assert flash.starts() == boots
+
+
+def test_slot_with_a_bad_block_is_read_within_its_place(flash: Flash) -> None:
+    """Behind B's device tree is the mark of the base, which cannot be read here."""
+    flash.trial("b", "reset")
+    place = PLACES["b"].device_tree
+    flash.nand.mark_bad(place.offset // BLOCK)
+    flash.put(place.offset + BLOCK, "reset")
+    flash.half_erase(BASE[0].offset, 0.125)
+    assert flash.starts() == "BBBa"
 
 
 def test_kernel_with_a_wrong_byte_is_passed_over(flash: Flash) -> None:

@@ -12,8 +12,9 @@ no bootcount. The order:
 bootm of a uImage with a wrong CRC returns, and so does `nand read` of a page beyond its ECC: the next slot is
 tried. A device tree has no CRC of its own, and bootm resets the board for a damaged one: a slot has it with
 a uImage's header, which iminfo checks. ECC alone is not enough: a page whose programming was cut may look as
-one that was never written, and then nobody checks it. On trial, a kernel that hangs, panics or does not get
-to a program that feeds the watchdog is reset.
+one that was never written, and then nobody checks it. `nand read` goes on behind bad blocks, so it reads
+what an image may have and no more: not the neighbours of a place, of which one may be unreadable. On trial, a
+kernel that hangs, panics or does not get to a program that feeds the watchdog is reset.
 """
 
 from __future__ import annotations
@@ -109,8 +110,8 @@ def variables(nand: Nand, arguments: str) -> dict[str, str]:
         "rtu_base2": _has(base_2, BASE_WORD),
         **{f"rtu_{name}": _slot(name) for name in NAMES},
         "rtu_boot": (
-            f"nand read {UIMAGE_AT:#x} ${{rtu_k}} {PLACES['a'].kernel.size:#x}"
-            f" && nand read {DEVICE_TREE_AT:#x} ${{rtu_d}} {PLACES['a'].device_tree.size:#x}"
+            f"nand read {UIMAGE_AT:#x} ${{rtu_k}} {PLACES['a'].kernel.room:#x}"
+            f" && nand read {DEVICE_TREE_AT:#x} ${{rtu_d}} {PLACES['a'].device_tree.room:#x}"
             f" && iminfo {DEVICE_TREE_AT:#x}"
             " && setenv bootargs ${rtu_args} ${rtu_parts} openrtu.slot=${rtu_s} ${rtu_w}"
             f" && bootm {UIMAGE_AT:#x} - {DEVICE_TREE_AT + UImage.LAYOUT.size:#x}"
