@@ -236,7 +236,7 @@ def test_data_and_the_hosts_key_survive_a_restart(rig: Rig) -> None:
 
 
 def test_rtud_that_hangs_resets_the_board(rig: Rig, console: Path) -> None:
-    """Seen at the debug UART: after a reset amid traffic, the emulated board is silent on its network."""
+    """Seen at the debug UART: after a reset amid traffic, the emulated board answers its network late."""
     board = rig.board
     attribute = "cat /sys/class/watchdog/watchdog0/"
     board.wait_for(lambda: board.inside(f"{attribute}state").strip() == "active", PATIENCE_S, "it is fed")
