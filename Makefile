@@ -74,15 +74,12 @@ asan: .asan ## Test: the C unit tests under AddressSanitizer and UBSan
 	$(LOGGED) asan ninja -C build/asan
 
 # What a program does there, it does here: the plots of all blocks are the same.
-cross: .arm $(VENV) ## Test: the C unit tests and programs of logic, as ARMv5 code under qemu-arm
+cross: build/arm/build.ninja $(VENV) ## Test: the C unit tests and programs of logic, as ARMv5 code under qemu-arm
+	$(LOGGED) arm ninja -C build/arm meson-test-prereq logic/logic-desk
 	$(LOGGED) arm-unit $(MESON_TEST) -C build/arm
 	$(LOGGED) arm-logic env OPENRTU_BUILD=build/arm \
 	  OPENRTU_LOGIC_DESK='qemu-arm -cpu arm926 -L $(dir $(SYSROOT)) build/arm/logic/logic-desk' \
 	  $(PYTHON) -m pytest -q tests/test_logic_blocks.py -k each_plot
-
-.PHONY: .arm
-.arm: build/arm/build.ninja
-	$(LOGGED) arm ninja -C build/arm meson-test-prereq logic/logic-desk
 
 fuzzers: build/fuzz/build.ninja ## Test: build the fuzzers (clang, libFuzzer, AddressSanitizer, UBSan)
 	$(LOGGED) fuzzers ninja -C build/fuzz fuzzers
@@ -502,7 +499,8 @@ test-station test-lines test-gateway test-bench test-pins test-image test-netboo
 	$(AREA)
 
 test-linux: WORKERS := 2 # a guest that starts fills a core
-test-linux: linux image-debian build/swupdate/done build/curl/done lab qemu uboot build .arm $(TESTED) ## Test: Linux on the emulated board
+test-linux: linux image-debian build/swupdate/done build/curl/done lab qemu uboot build build/arm/build.ninja $(TESTED) ## Test: Linux on the emulated board
+	$(LOGGED) arm ninja -C build/arm logic/logic-desk
 	scripts/build-dtb.sh $(DTS) build/dtb/GATEWAY_PDMA=1/nuc980-gateway.dtb GATEWAY_PDMA=1
 	$(MAKE) image-debian SITE=tests/linux/site-tls
 	$(AREA)
@@ -526,32 +524,30 @@ test-native: build .asan fuzzers qemu uboot centre-page build/packages-deb.done 
 test-changed: $(VENV) ## Test: what a change can reach, and why (BASE=commit: since that one)
 	$(PYTHON) tests/changed.py $(BASE)
 
-# Linux on the emulated board, with the builds that it alone needs, runs beside the other parts: each of the two waits for
-# a time that the other can use. What both need is built before, by one make. Of the downloads and the configuring, which wait
-# as well, two run at a time.
-SHARED     := build .arm qemu uboot centre-page build/packages-deb.done build/packages-centre.done \
-  build/gpsd/done build/chronyd/done build/mibs/done build/exporter/done
+# The kernels and the images are built while the first parts run, in the time that their tests wait, and give way to them
+# (nice). What both need is built before, by one make. Of the downloads and the configuring, which wait as well, two run at a
+# time. The tests themselves run one part after another: two cores with more than three workers make tests late.
+SHARED     := build qemu uboot centre-page build/packages-deb.done build/packages-centre.done build/sysroot.ini \
+  build/gpsd/done build/chronyd/done build/mibs/done
 ONLY_LINUX := linux build/swupdate/done build/curl/done $(SYSTEM_PARTS) build/root/gateway-tls.done
 PARTS      := lint unit asan cross fuzzers test-sanitizers test-native
 
 test: $(VENV) ## Test: all but soak, test-debug-kernel, test-offline; then what it cost
 	rm -rf build/times
-	mkdir -p build/{log,times}; failed=; parts=; begun=0; log=build/log/test-linux.log; \
+	mkdir -p build/log; failed=; parts=; begun=0; \
 	ended() { parts+="$$(printf '\n%6d s  %s' $$((SECONDS - begun)) "$$1")"; begun=$$SECONDS; }; \
 	$(MAKE) --jobs 2 $(SHARED) $(TESTED) || failed+=" build"; ended build; \
-	echo "test: test-linux and its builds run beside the other parts; log: $$log"; \
-	set -m; { \
-	  parts=; $(MAKE) --jobs 2 $(ONLY_LINUX) && $(MAKE) image-debian lab || true; ended "beside these: test-linux's builds"; \
-	  code=0; $(MAKE) test-linux || code=$$?; ended "beside these: test-linux"; \
-	  echo "$$parts" > build/times/beside; exit $$code; \
-	} > $$log 2>&1 & linux=$$!; set +m; \
+	set -m; { nice $(MAKE) --jobs 2 $(ONLY_LINUX) && nice $(MAKE) image-debian lab; } \
+	  > build/log/test-linux-build.log 2>&1 & linux=$$!; set +m; \
 	trap 'kill -- -$$linux 2> /dev/null || true' EXIT; \
+	echo "test: builds $(ONLY_LINUX) beside the first parts; log: build/log/test-linux-build.log"; \
 	for part in $(PARTS); do \
 	  $(MAKE) $$part || failed+=" $$part"; ended $$part; \
 	done; \
-	wait $$linux || failed+=" test-linux"; ended "then, test-linux to its end"; cat $$log; \
-	$(PYTHON) tests/times.py $$(find build/times -name '*.json'); \
-	echo "the parts:$$parts$$(cat build/times/beside)"; \
+	wait $$linux || tail -n 40 build/log/test-linux-build.log; ended "rest of test-linux's builds"; \
+	$(MAKE) test-linux || failed+=" test-linux"; ended test-linux; \
+	$(PYTHON) tests/times.py $$(find build/times -name '*.json' 2> /dev/null); \
+	echo "the parts:$$parts"; \
 	[ -z "$$failed" ] || { echo "make test: failed:$$failed" >&2; exit 1; }
 
 BUSY := 8

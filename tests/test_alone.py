@@ -1,17 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """`make test` runs once more what failed beside other tests, and says so."""
 
-import fcntl
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-LIMIT_S = 300.0
 
 TESTS = """
 from pathlib import Path
@@ -32,26 +29,22 @@ def test_that_may_fail():
 """
 
 
-def start(folder: Path, fail_once: int, fails: bool) -> subprocess.Popen[str]:
+def run(folder: Path, fail_once: int, fails: bool) -> subprocess.CompletedProcess[str]:
     """On tests of which some fail the first time and one fails always, if wanted."""
     file = folder / "test_some.py"
     file.write_text(TESTS.format(fail_once=fail_once, fails=fails))
     (folder / "conftest.py").write_text(
         "from times import Times\ndef pytest_configure(config):\n    config.pluginmanager.register(Times())\n"
     )
-    return subprocess.Popen(
+    return subprocess.run(
         [sys.executable, ROOT / "tests/alone.py", "-n", "0", "--rootdir", folder, file],
         env=os.environ | {"OPENRTU_TIMES": str(folder / "some.json"), "PYTHONPATH": str(ROOT / "tests")},
         cwd=folder,
-        stdout=subprocess.PIPE,
+        capture_output=True,
         text=True,
+        timeout=120,
+        check=False,
     )
-
-
-def run(folder: Path, fail_once: int, fails: bool) -> subprocess.CompletedProcess[str]:
-    with start(folder, fail_once, fails) as started:
-        output, _ = started.communicate(timeout=LIMIT_S)
-    return subprocess.CompletedProcess(started.args, started.returncode, output)
 
 
 @pytest.mark.slow
@@ -83,19 +76,3 @@ def test_many_are_no_accident(tmp_path: Path) -> None:
     ran = run(tmp_path, fail_once=4, fails=False)
     assert ran.returncode == 1
     assert "alone" not in ran.stdout
-
-
-@pytest.mark.slow
-def test_it_waits_until_it_is_alone(tmp_path: Path) -> None:
-    with (tmp_path / "lock").open("w") as another_part:
-        fcntl.flock(another_part, fcntl.LOCK_SH)
-        with start(tmp_path, fail_once=1, fails=False) as started:
-            waiting = f" -> FLOCK  ADVISORY  WRITE {started.pid} "
-            end = time.monotonic() + LIMIT_S
-            while waiting not in Path("/proc/locks").read_text():
-                assert time.monotonic() < end, "it does not wait for the lock"
-                time.sleep(0.1)
-            fcntl.flock(another_part, fcntl.LOCK_UN)
-            output, _ = started.communicate(timeout=LIMIT_S)
-    assert started.returncode == 0
-    assert "passed only alone: test_some.py::test_that_fails_once[0]" in output
