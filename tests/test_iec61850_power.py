@@ -6,7 +6,7 @@ import os
 import random
 import signal
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
@@ -68,8 +68,12 @@ def records(octets: bytes) -> Iterator[bytes]:
 
 def newest(journal: Path) -> int:
     """The number of the newest change for buffered reports in the journal's file."""
+    return newest_of(records((journal / "events").read_bytes()))
+
+
+def newest_of(all_records: Iterable[bytes]) -> int:
     found = 0
-    for record in records((journal / "events").read_bytes()):
+    for record in all_records:
         count = struct.unpack_from("<I", record, 20)[0]
         for at in range(len(record) - 28 * count, len(record), 28):
             if record[at + 18] == ENTRY:
@@ -77,20 +81,20 @@ def newest(journal: Path) -> int:
     return found
 
 
-def tear(journal: Path, chance: random.Random) -> int:
+def tear(journal: Path, chance: random.Random, begun: int) -> int:
     """
     The power goes before the file's last record is synchronised: a part of it is there, and nothing or zeros
     behind. Returns the newest change before it. The first record is never so: it comes with the file's name.
+    Nor is one before which the journal has nothing of the last start, whose first change has the number
+    begun: the server knows no EntryID of a start that it has nothing of.
     """
-    whole = [*records((journal / "events").read_bytes())]
-    if len(whole) == 1:
+    *synchronised, last = records((journal / "events").read_bytes())
+    found = newest_of(synchronised)
+    if not synchronised or found < begun:
         return newest(journal)
-    *synchronised, last = whole
-    (journal / "events").write_bytes(b"".join(synchronised))
-    found = newest(journal)
     part = last[: chance.randrange(len(last))]
-    with (journal / "events").open("ab") as file:
-        file.write(part + chance.choice([b"", bytes(len(last) - len(part))]))
+    zeros = chance.choice([b"", bytes(len(last) - len(part))])
+    (journal / "events").write_bytes(b"".join([*synchronised, part, zeros]))
     return found
 
 
@@ -227,9 +231,12 @@ def test_kills_and_cuts_at_any_moment(plant: Plant, journal: Path, cuts: int) ->
                 entries += taken(client, 1)
                 while not nothing_more(client):
                     entries += taken(client, len(client.reports))
+        start = of_start(entries[-1])
+        begun = next(entry.place for entry in entries if of_start(entry) == start)
+        wait_kept(plant, journal, begun)
         plant.change()
         cut_power(plant.gateway)
-        written[of_start(entries[-1])] = tear(journal, chance)
+        written[start] = tear(journal, chance, begun)
         check_sequence(entries[checked:], written)
         checked = len(entries) - 1
         start_again(plant)
