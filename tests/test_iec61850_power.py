@@ -5,13 +5,13 @@ import itertools
 import os
 import random
 import signal
-import struct
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
 
 from desk import gateway_on_lines
+from journal_file import ENTRY, cause_of, events, number_of, records
 from lab.gateway import free_port, remove, run_directory
 from peers.mms import Client, element
 from test_event_journal import cut_power
@@ -35,7 +35,6 @@ from test_iec61850_buffered import (
 )
 
 SEED, KILLS = 61850, 10
-ENTRY = 0x83  # cause: package/openrtu/src/journal/record.h
 ALL_TRIGGERS = element(0x84, b"\2\x64")  # dchg, qchg, GI: what a block does not begin with
 
 
@@ -58,27 +57,14 @@ def plant(programs: Path, journal: Path) -> Iterator[Plant]:
         yield plant
 
 
-def records(octets: bytes) -> Iterator[bytes]:
-    """Those of a journal's file that are whole: package/openrtu/src/journal/record.h."""
-    while octets:
-        size = 16 + struct.unpack_from("<I", octets, 4)[0]
-        yield octets[:size]
-        octets = octets[size:]
-
-
 def newest(journal: Path) -> int:
     """The number of the newest change for buffered reports in the journal's file."""
     return newest_of(records((journal / "events").read_bytes()))
 
 
 def newest_of(all_records: Iterable[bytes]) -> int:
-    found = 0
-    for record in all_records:
-        count = struct.unpack_from("<I", record, 20)[0]
-        for at in range(len(record) - 28 * count, len(record), 28):
-            if record[at + 18] == ENTRY:
-                found = max(found, struct.unpack_from("<I", record, at + 8)[0])
-    return found
+    found = (event for record in all_records for event in events(record))
+    return max((number_of(event) for event in found if cause_of(event) == ENTRY), default=0)
 
 
 def tear(journal: Path, chance: random.Random, begun: int) -> int:

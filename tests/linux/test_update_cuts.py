@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import random
 import re
-import struct
 import subprocess
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -37,6 +36,7 @@ from update_board import (
 )
 
 from image.update import Signer, update_file
+from journal_file import RETAINED, cause_of, events, records, told_by
 from lab.board import ETHERNET, SSH_PORT, Ssh, lines_at
 from netboot.flashbench import copy, uimage
 from nuc980.netboot.limits import BLOCK
@@ -62,7 +62,6 @@ VOLUME = 0xC00000  # of 100 MiB, because all of it is read before it is taken
 CONFIG, EVENTS = "/data/site/config.json", "/data/openrtu/journal/events"
 SHOW_EVENTS = f"hexdump -v -e '1/1 \"%02x\"' {EVENTS}"
 CREATE_SECONDS = 300.0
-JOURNAL_MAGIC, JOURNAL_RETAINED = b"ORJ1", 0x80
 JOURNAL_HOLDS = "until rtuctl --json modules | grep -q '\"events\": *{}'; do sleep 0.2; done"
 STARTED = re.compile(
     rb"Linux version 5\.10\.140-(\w+)-* .*?Machine model: (\w+)\r*\n"
@@ -262,7 +261,7 @@ def update(
     work = copy(nand, folder / "work")
     with devices(folder, linesim_program) as lines:
         linux = power(OLD, work, logs[0], lines_at(lines.directory))
-        events = make_volume(ssh)
+        unheard = make_volume(ssh)
         prepared = len(changes(logs[0]))
         new = versions["b"]
         file = update_file(new.kernel, new.tree, VERSION, SITE, signer)
@@ -280,7 +279,7 @@ def update(
     ssh.run("until pidof rtu-journal; do sleep 0.2; done; rtu-update confirm; sync")
     ssh.close()
     linux.close()
-    return Update(before, first[prepared:], attempts, changes(logs[2]), events)
+    return Update(before, first[prepared:], attempts, changes(logs[2]), unheard)
 
 
 def make_volume(ssh: Ssh) -> set[bytes]:
@@ -293,17 +292,10 @@ def make_volume(ssh: Ssh) -> set[bytes]:
 
 
 def journal_events(shown: str) -> set[bytes]:
-    """The events of a journal (package/openrtu/src/journal/record.h), without their places in the map."""
-    file, found, at = bytes.fromhex(re.findall(r"[0-9a-f]{96,}", shown)[-1]), set(), 0
-    while file[at : at + 4] == JOURNAL_MAGIC:
-        length, modules, queues, count = struct.unpack_from("<I8x2B2xI", file, at + 4)
-        rest = at + 24
-        for _ in range(queues):
-            rest += 2 + file[rest + 1] + 4 * modules
-        events = [file[begin : begin + 28] for begin in range(rest, rest + 28 * count, 28)]
-        found |= {event[:2] + event[3:8] + event[12:] for event in events if event[18] < JOURNAL_RETAINED}
-        at += 16 + length
-    return found
+    """What the events of a journal tell."""
+    file = bytes.fromhex(re.findall(r"[0-9a-f]{96,}", shown)[-1])
+    found = (event for record in records(file) for event in events(record))
+    return {told_by(event) for event in found if cause_of(event) < RETAINED}
 
 
 def with_changes(nand: NandImage, all_changes: Sequence[Change], file: Path) -> NandImage:

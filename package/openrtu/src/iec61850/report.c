@@ -820,8 +820,8 @@ bool iec61850_report_put(struct iec61850_server *server, struct ber_writer *writ
 	struct iec61850_block *next;
 
 	for (struct iec61850_block *block = server->model.enabled; block != NULL; block = next) {
-		next =
-		    block->next_enabled; /* a block whose report fits into no PDU is not enabled any more */
+		/* A block whose report fits into no PDU is not enabled any more. */
+		next = block->next_enabled;
 		if (block->owner == server->client && put_next(server, writer, block))
 			return true;
 	}

@@ -19,7 +19,10 @@
 
 /* ---- text -------------------------------------------------------------------------------- */
 
-/* A line, a space for each level that it is deep in the tree: clients get the file, and a third of it was spaces. What it is made of needs no escaping, or has it. */
+/*
+ * A line, with a space for each level that it is deep in the tree: clients get the file, so it is kept small. What it is made of
+ * needs no escaping, or has it.
+ */
 __attribute__((format(printf, 3, 4))) static void line(const struct iec61850_scl *scl, int depth,
 						       const char *format, ...)
 {

@@ -93,8 +93,8 @@ void flood_run(int64_t now_ns)
 	for (uint32_t i = 0; i < GOOSE_SUBSCRIBED_MAX; i++)
 		if (silenced >> i & 1 && now_ns >= flows[i].until_ns) {
 			over |= UINT32_C(1) << i;
-			flows[i].until_ns =
-			    now_ns + PACE_FULL_NS; /* if the kernel has no memory for it now */
+			/* If the kernel has no memory for the filter now. */
+			flows[i].until_ns = now_ns + PACE_FULL_NS;
 		}
 	if (over != 0 && goose_filter(wire->fd, config, silenced & ~over) == 0)
 		silenced &= ~over;
