@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What reports tell beside a new value: transInd of a tap changer that moves, dupd of a value that stays, range."""
+"""Reports tell beside a new value: transInd of a tap changer that moves, dupd of one that stays, ranges."""
 
 import asyncio
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -148,3 +149,28 @@ def test_foreign_clients_read_range_and_limits(port: tuple[Substation, int]) -> 
         return found
 
     assert asyncio.run(asyncio.wait_for(read(), 20)) == [2, limits]
+
+
+def test_another_limit_is_in_force_after_a_reload(port: tuple[Substation, int]) -> None:
+    """For clients, and for the owner of the point, who tells that it is crossed."""
+    station, number = port
+    config = station.gateway.configuration()
+    config["iec61850"]["limits"] = [{"point": "level", **LIMITS, "high": 60}]
+    station.gateway.ctl("reload", station.gateway.put(config))
+
+    def limit() -> float:
+        try:
+            with Client(number) as client:
+                ((_, octets),) = client.values(("OpenRTUCA1006", f"GGIO1$CF${LEVEL}$rangeC$hLim$f"))
+                return float(struct.unpack(">f", octets[1:])[0])
+        except (OSError, AssertionError, ValueError):
+            return 0  # it ends, or has not begun
+
+    station.gateway.wait_for(lambda: limit() == 60, 20, "the other limit is there")
+    station.wait_all_good(1006)
+    station.set_and_scan("1.6", "input_registers", 0, [50])
+    with Client(number) as client:
+        assert client.write("OpenRTUCA1006", ("LLN0$RP$urcbRange01$RptEna", YES)) == [DONE]
+        station.set_and_scan("1.6", "input_registers", 0, [61])
+        _, _, _, value, _ = client.report()
+    assert value == (0x85, b"\1")
