@@ -168,7 +168,8 @@ def test_another_limit_is_in_force_after_a_reload(port: tuple[Substation, int]) 
 
     station.gateway.wait_for(lambda: limit() == 60, 20, "the other limit is there")
     station.wait_all_good(1006)
-    station.set_and_scan("1.6", "input_registers", 0, [50])
+    for level in (200, 50):  # beyond the deadband, then the value of the last event
+        station.set_and_scan("1.6", "input_registers", 0, [level])
     with Client(number) as client:
         assert client.write("OpenRTUCA1006", ("LLN0$RP$urcbRange01$RptEna", YES)) == [DONE]
         station.set_and_scan("1.6", "input_registers", 0, [61])
