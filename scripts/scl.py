@@ -96,6 +96,7 @@ class Device:
     objects: dict[Key, dict[str, str]] = field(default_factory=dict)  # type by FC and path
     models: dict[Key, str] = field(default_factory=dict)
     units: dict[Key, str] = field(default_factory=dict)
+    limits: dict[Key, dict[str, float]] = field(default_factory=dict)  # of rangeC, by name
     texts: dict[Key, str] = field(default_factory=dict)  # d
     addresses: dict[Key, tuple[int, int]] = field(default_factory=dict)
     sets: dict[tuple[str, str], list[Element]] = field(default_factory=dict)  # by logical node and name
@@ -161,6 +162,11 @@ class File:
             device.units[key] = " ".join(
                 sorted(f"{name}={value.text or ''}" for name, value in values if value is not None)
             )
+        for each in (each for each in all_of(data, "SDI") if each.get("name") == "rangeC"):
+            values = [(part.get("name", ""), one_of(part, "DAI", "Val")) for part in all_of(each, "SDI")]
+            device.limits[key] = {
+                name: float(value.text or "") for name, value in values if value is not None
+            }
         address = next(data.iter(ADDRESS_104), None)
         if address is not None:
             device.addresses[key] = int(address.get("casdu", "0")), int(address.get("ioa", "0"))
@@ -298,6 +304,13 @@ class Taker:
                     f"{where}: is in {own.units.get(before, 'no unit')}, not in {cid.units[key]}: "
                     'the point\'s "unit" makes it'
                 )
+            for limit, value in cid.limits.get(key, {}).items():
+                mine = own.limits.get(before, {}).get(limit)
+                if value != mine:
+                    self.errors.append(
+                        f"{where}: {limit} of rangeC is {mine}, not {value}: "
+                        '"limits" of "iec61850" in the configuration makes it'
+                    )
             if cid.models.get(key) != own.models.get(before) and key in cid.models:
                 wanted = cid.models[key]
                 self.errors.append(

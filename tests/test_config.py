@@ -421,6 +421,7 @@ SITES = [
     Site("goose_publication", "goose.publish[0]", ("goose_publication",)),
     Site("goose_subscription", "goose.subscribe[0]", ("goose_subscription",)),
     Site("goose_point", "goose.subscribe[0].data[0]", ("goose_point",)),
+    Site("limits", "iec61850.limits[0]", ("limits",)),
     Site("data_set", "iec61850.data_sets[0]", ("data_set",)),
     Site("report", "iec61850.data_sets[0].reports[0]", ("report",)),
     Site("snmp", "snmp", ("snmp",)),
@@ -551,6 +552,7 @@ def small_file() -> dict[str, Any]:
         "iec61850": {
             "address": "127.0.0.1",
             "tls": dict(tls),
+            "limits": [{"point": "speed", "high_high": 95, "high": 90, "low": 10, "low_low": 5}],
             "data_sets": [{"name": "Bay", "points": ["speed"], "reports": [{"name": "urcbBay"}]}],
         },
         "web": {"address": "127.0.0.1"},
@@ -745,6 +747,7 @@ def described() -> Iterator[tuple[str, str, dict[str, Any]]]:
         "outstations_tls",
         "outstation_set",
         "outstation_point",
+        "limits",
         "data_set",
         "report",
         "redundancy_group",

@@ -19,9 +19,10 @@ POINTS = [
     {"name": "q0.power", "type": "float", "ioa": 2, "unit": "MW", "ln": "MMXU1.TotW"},
     {"name": "q0.trip", "type": "single", "ioa": 3},
 ]
+LIMITS = {"high_high": 60, "high": 50, "low": -50, "low_low": -60}
 CONFIG = {
     "port": [],
-    "iec61850": {"address": "192.0.2.1"},
+    "iec61850": {"address": "192.0.2.1", "limits": [{"point": "q0.power", **LIMITS}]},
     "modules": [{"name": "bay", "program": "/bin/false", "ca": 7, "points": POINTS}],
     "goose": {
         "interface": "eth1",
@@ -160,6 +161,11 @@ def test_a_node_with_another_prefix_is_the_same_point(tool: Tool, own: str) -> N
             ("<Val>M</Val>", "<Val>k</Val>"),
             "CA7/MMXU1.TotW: is in SIUnit=W multiplier=M, not in SIUnit=W multiplier=k",
         ),
+        (("<Val>-50</Val>", "<Val>-40</Val>"), "TotW: lLim of rangeC is -50.0, not -40.0"),
+        (
+            ('name="range" fc="MX" dchg="true" bType="Enum"', 'name="range" fc="MX" bType="INT32"'),
+            "MX range is Enum, not INT32",
+        ),
         (('<RptEnabled max="2"/>', '<RptEnabled max="17"/>'), "expected 16 at most"),
         (('datSet="status"', 'datSet="lost"'), "CA7/LLN0: has no data set lost"),
         (('<P type="APPID">000A</P>', ""), "no GSE with MAC-Address and APPID"),
@@ -191,6 +197,7 @@ def bomb(_: str) -> str:
             "mismatched",
         ),
         (lambda text: text.replace('ioa="1"', 'ioa="one"'), "no number"),
+        (lambda text: text.replace("<Val>-50</Val>", "<Val>low</Val>"), "no number"),
         (lambda text: text.replace("<BDA ", '<BDA bType="Struct" type="loop" ', 1), "duplicate attribute"),
     ],
 )

@@ -37,7 +37,7 @@ def site_config(port: int) -> dict[str, Any]:
     config["modules"] = [TRANSFORMER]
     feeder = next(each for each in config["port"][0]["slaves"] if each["id"] == 10)
     feeder["holding_registers"].append(SET_POINT)
-    config["iec61850"]["data_sets"] = CHOSEN
+    config["iec61850"] |= {"data_sets": CHOSEN, "limits": LIMITS}
     return config
 
 
@@ -95,6 +95,14 @@ MEASURED = [
     {"name": "unit.part", "type": "normalized", "ioa": 202, "unit": "A", "deadband": 16384},
     {"name": "unit.angle", "type": "angle", "ioa": 203},
     {"name": "unit.band", "type": "float", "ioa": 204, "deadband": 0.25},
+    {"name": "range.plain", "type": "float", "ioa": 205},
+    {"name": "range.all", "type": "normalized", "ioa": 206, "unit": "%", "deadband": 64},
+    {"name": "range.node", "type": "integer", "ioa": 207, "unit": "kW", "ln": "MMXU2.TotW"},
+]
+LIMITS = [
+    {"point": "range.node", "high_high": 9, "high": 8, "low": -8, "low_low": -9},
+    {"point": "range.all", "high_high": 32767, "high": 16384, "low": -16384, "low_low": -32768},
+    {"point": "range.plain", "high_high": 0.5, "high": 0.5, "low": 0.25, "low_low": 0.25},
 ]
 SET_POINT = {  # of a holding register of DEVICE
     "address": 950,
@@ -266,6 +274,9 @@ def test_deadbands_and_limits_are_those_of_the_points(gateway: Gateway) -> None:
         assert "GGIO1$CF$AnIn100$db" not in client.names(0, TRANSFORMED)
         answers = client.values(*[(DEVICE, f"GGIO1$CF$AnOut9950${part}") for part in parts])
         assert numbers(answers) == [-10, 40, 0.5, 23]
+        limits = [f"GGIO1$CF$AnIn206$rangeC${name}$f" for name in ("hhLim", "hLim", "lLim", "llLim")]
+        answers = client.values(*[(TRANSFORMED, name) for name in limits])
+        assert numbers(answers) == [pytest.approx(32767 / 32768), 0.5, -0.5, -1]
 
 
 def test_another_unit_starts_the_module_again(gateway: Gateway) -> None:

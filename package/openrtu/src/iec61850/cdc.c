@@ -29,6 +29,10 @@ static const struct iec61850_node step[] = {{"posVal", IEC61850_STEP, NULL, 0},
 					    {"transInd", IEC61850_TRANSIENT, NULL, 0}};
 MEASURED(mv, "mag");
 MEASURED(apc, "mxVal");
+static const struct iec61850_node mv_range[] = {{"mag", IEC61850_STRUCTURE, analogue, COUNT(analogue)},
+						{"range", IEC61850_RANGE, NULL, 0},
+						{"q", IEC61850_QUALITY, NULL, 0},
+						{"t", IEC61850_TIME, NULL, 0}};
 static const struct iec61850_node tap[] = {{"valWTr", IEC61850_STRUCTURE, step, COUNT(step)},
 					   {"q", IEC61850_QUALITY, NULL, 0},
 					   {"t", IEC61850_TIME, NULL, 0}};
@@ -36,9 +40,20 @@ static const struct iec61850_node bcr[] = {
     {"actVal", IEC61850_TOTAL, NULL, 0}, {"q", IEC61850_QUALITY, NULL, 0}, {"t", IEC61850_TIME, NULL, 0}};
 static const struct iec61850_node unit[] = {{"SIUnit", IEC61850_SI_UNIT, NULL, 0},
 					    {"multiplier", IEC61850_MULTIPLIER, NULL, 0}};
-static const struct iec61850_node least[] = {{"f", IEC61850_LEAST, NULL, 0}};
-static const struct iec61850_node most[] = {{"f", IEC61850_MOST, NULL, 0}};
-static const struct iec61850_node step_size[] = {{"f", IEC61850_STEP_SIZE, NULL, 0}};
+#define LIMIT(name, leaf) static const struct iec61850_node name[] = {{"f", leaf, NULL, 0}}
+LIMIT(least, IEC61850_LEAST);
+LIMIT(most, IEC61850_MOST);
+LIMIT(step_size, IEC61850_STEP_SIZE);
+LIMIT(high_high, IEC61850_HIGH_HIGH);
+LIMIT(high, IEC61850_HIGH);
+LIMIT(low, IEC61850_LOW);
+LIMIT(low_low, IEC61850_LOW_LOW);
+LIMIT(measured_least, IEC61850_MEASURED_LEAST);
+LIMIT(measured_most, IEC61850_MEASURED_MOST);
+static const struct iec61850_node range[] = {
+    {"hhLim", IEC61850_STRUCTURE, high_high, 1},    {"hLim", IEC61850_STRUCTURE, high, 1},
+    {"lLim", IEC61850_STRUCTURE, low, 1},           {"llLim", IEC61850_STRUCTURE, low_low, 1},
+    {"min", IEC61850_STRUCTURE, measured_least, 1}, {"max", IEC61850_STRUCTURE, measured_most, 1}};
 static const struct iec61850_node described[] = {{"d", IEC61850_DESCRIPTION, NULL, 0}};
 
 /* Under CF: what comes with limits, what is always there, what comes with a unit. */
@@ -50,6 +65,10 @@ static const struct iec61850_node controlled[] = {{"ctlModel", IEC61850_CTL_MODE
 static const struct iec61850_node counted[] = {{"ctlModel", IEC61850_CTL_MODEL, NULL, 0}, UNITS};
 static const struct iec61850_node measured[] = {
     {"db", IEC61850_DEADBAND, NULL, 0}, {"dbRef", IEC61850_DEADBAND_REF, NULL, 0}, UNITS};
+static const struct iec61850_node ranged[] = {{"db", IEC61850_DEADBAND, NULL, 0},
+					      {"dbRef", IEC61850_DEADBAND_REF, NULL, 0},
+					      {"rangeC", IEC61850_STRUCTURE, range, COUNT(range)},
+					      UNITS};
 static const struct iec61850_node settable[] = {{"minVal", IEC61850_STRUCTURE, least, COUNT(least)},
 						{"maxVal", IEC61850_STRUCTURE, most, COUNT(most)},
 						{"stepSize", IEC61850_STRUCTURE, step_size, COUNT(step_size)},
@@ -125,6 +144,7 @@ static const struct iec61850_nodes classes[IEC61850_CDCS][IEC61850_FCS] = {
     [IEC61850_APC] = {[IEC61850_MX] = NODES(apc), [IEC61850_DC] = NODES(described)},
     [IEC61850_LPL] = {[IEC61850_DC] = NODES(plate), [IEC61850_EX] = NODES(name_space)},
     [IEC61850_DPL] = {[IEC61850_DC] = NODES(physical_plate)},
+    [IEC61850_MV_RANGE] = {[IEC61850_MX] = NODES(mv_range), [IEC61850_DC] = NODES(described)},
 };
 
 /* What is there under CF: all of nodes, but the first ones without limits, and the last one without a unit. */
@@ -132,11 +152,12 @@ static const struct {
 	struct iec61850_nodes nodes;
 	unsigned limits, units;
 } settings[IEC61850_CDCS] = {
-    [IEC61850_INS] = {NODES(whole), 0, 1},      [IEC61850_ENC] = {NODES(controlled), 0, 0},
-    [IEC61850_BCR] = {NODES(pulses), 0, 1},     [IEC61850_MV] = {NODES(measured), 2, 1},
-    [IEC61850_SPC] = {NODES(controlled), 0, 0}, [IEC61850_DPC] = {NODES(controlled), 0, 0},
-    [IEC61850_INC] = {NODES(counted), 0, 1},    [IEC61850_BSC] = {NODES(stepped), 0, 0},
-    [IEC61850_ISC] = {NODES(controlled), 0, 0}, [IEC61850_APC] = {NODES(settable), 3, 1},
+    [IEC61850_INS] = {NODES(whole), 0, 1},       [IEC61850_ENC] = {NODES(controlled), 0, 0},
+    [IEC61850_BCR] = {NODES(pulses), 0, 1},      [IEC61850_MV] = {NODES(measured), 2, 1},
+    [IEC61850_SPC] = {NODES(controlled), 0, 0},  [IEC61850_DPC] = {NODES(controlled), 0, 0},
+    [IEC61850_INC] = {NODES(counted), 0, 1},     [IEC61850_BSC] = {NODES(stepped), 0, 0},
+    [IEC61850_ISC] = {NODES(controlled), 0, 0},  [IEC61850_APC] = {NODES(settable), 3, 1},
+    [IEC61850_MV_RANGE] = {NODES(ranged), 2, 1},
 };
 
 #define MODELS(value)                                                                                        \

@@ -40,6 +40,7 @@ enum iec61850_leaf {
 	IEC61850_STEP,       /* number, 8 bits: a step position */
 	IEC61850_TRANSIENT,  /* whether it moves */
 	IEC61850_DIRECTION,  /* of a fault: not known */
+	IEC61850_RANGE,      /* of a value with limits */
 	IEC61850_PERSISTENT, /* whether a command goes on until it is ended: false */
 	IEC61850_UNIT,       /* of a counter's pulse: 1 */
 	IEC61850_SI_UNIT,    /* of a value */
@@ -49,6 +50,12 @@ enum iec61850_leaf {
 	IEC61850_LEAST,        /* real, this and the next two: what it may be set to */
 	IEC61850_MOST,
 	IEC61850_STEP_SIZE,
+	IEC61850_HIGH_HIGH, /* real, this and the next three: its limits */
+	IEC61850_HIGH,
+	IEC61850_LOW,
+	IEC61850_LOW_LOW,
+	IEC61850_MEASURED_LEAST, /* real, this and the next one: of all that it can be */
+	IEC61850_MEASURED_MOST,
 	IEC61850_CTL_MODEL, /* how it is controlled */
 	IEC61850_QUALITY,
 	IEC61850_TIME,

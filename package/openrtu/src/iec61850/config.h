@@ -85,6 +85,18 @@ static inline struct iec61850_assignment *iec61850_assignments(const struct map_
 	return map_records(config, IEC61850_ASSIGNMENTS, sizeof(struct iec61850_assignment));
 }
 
+/* NULL: it is one of GGIO1. */
+static inline const struct iec61850_assignment *iec61850_assigned_to(const struct map_config *config,
+								     uint32_t point)
+{
+	const struct iec61850_assignment *assigned = iec61850_assignments(config);
+
+	for (uint32_t i = 0; i < map_record_count(config, IEC61850_ASSIGNMENTS); i++)
+		if (assigned[i].point == point)
+			return &assigned[i];
+	return NULL;
+}
+
 static inline struct iec61850_data_set *iec61850_data_sets(const struct map_config *config)
 {
 	return map_records(config, IEC61850_DATA_SETS, sizeof(struct iec61850_data_set));

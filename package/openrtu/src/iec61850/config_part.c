@@ -27,6 +27,7 @@ enum {
 	ASSOCIATIONS,
 	PDU,
 	BUFFER,
+	LIMITS,
 	DATA_SETS,
 	KEYS
 };
@@ -45,12 +46,13 @@ static const struct config_rule rules[KEYS] = {
 	     .fallback = MAX_PDU},
     [BUFFER] = {"report_buffer", CONFIG_INTEGER, .low = IEC61850_BUFFER_MIN, .high = IEC61850_BUFFER_MAX,
 		.fallback = REPORT_BUFFER},
+    [LIMITS] = {"limits", CONFIG_ARRAY, .high = UINT16_MAX},
     [DATA_SETS] = {"data_sets", CONFIG_ARRAY, .high = IEC61850_DATA_SETS_MAX},
 };
 
 /* What is read when all points are there. */
 struct own {
-	const json_t *data_sets; /* NULL: none */
+	const json_t *limits, *data_sets; /* NULL: none */
 };
 
 /* As an IED's name is (IEC 61850-6, tIEDName): a letter, then letters, digits and underscores. */
@@ -133,6 +135,7 @@ static void read_part(struct config_loader *loader, void *own_memory, const stru
 		settings->controller_count = config_read_addresses(
 		    &loader->report, &controllers, keys[CONTROLLERS].json, settings->controllers);
 	settings->normal_security = keys[SECURITY].integer == 1;
+	own->limits = keys[LIMITS].given ? keys[LIMITS].json : NULL;
 	own->data_sets = keys[DATA_SETS].given ? keys[DATA_SETS].json : NULL;
 }
 
@@ -152,13 +155,15 @@ static bool link_points(struct config_loader *loader, void *own_memory)
 {
 	const struct config_place file = {.in = NULL};
 	const struct config_place place = config_key_of(&file, file_rule.name);
+	const struct config_place limits = config_key_of(&place, rules[LIMITS].name);
 	const struct config_place sets = config_key_of(&place, rules[DATA_SETS].name);
 	const struct map_config *config = loader->config;
 	const struct own *own = own_memory;
 	const struct iec61850_assignment *assigned = iec61850_assignments(config);
 	uint32_t left = map_record_count(config, IEC61850_ASSIGNMENTS);
 
-	if (!iec61850_check_lns(loader, &place) || !iec61850_take_sets(loader, &sets, own->data_sets))
+	if (!iec61850_check_lns(loader, &place) || !iec61850_take_limits(loader, &limits, own->limits) ||
+	    !iec61850_take_sets(loader, &sets, own->data_sets))
 		return false;
 	if (iec61850_settings(config) == NULL)
 		return true;

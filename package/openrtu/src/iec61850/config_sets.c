@@ -162,17 +162,11 @@ static bool has_member(const struct growing *members, const struct iec61850_data
 /* What a point has under ST or MX. */
 static struct iec61850_nodes inside_of(const struct map_config *config, uint32_t point)
 {
-	struct iec61850_data data = iec61850_default_data(&config->points[point]);
+	const enum iec61850_cdc cdc = iec61850_configured_cdc(config, point);
 	struct iec61850_nodes measured;
 
-	for (uint32_t i = 0; i < map_record_count(config, IEC61850_ASSIGNMENTS); i++) {
-		const struct iec61850_assignment *assigned = &iec61850_assignments(config)[i];
-
-		if (assigned->point == point)
-			data = iec61850_ln_classes[assigned->class].data[assigned->data];
-	}
-	measured = iec61850_cdc_nodes((enum iec61850_cdc)data.cdc, IEC61850_MX);
-	return measured.count > 0 ? measured : iec61850_cdc_nodes((enum iec61850_cdc)data.cdc, IEC61850_ST);
+	measured = iec61850_cdc_nodes(cdc, IEC61850_MX);
+	return measured.count > 0 ? measured : iec61850_cdc_nodes(cdc, IEC61850_ST);
 }
 
 /* q0.position, or q0.position[stVal]: no name of a point has brackets. */
@@ -243,10 +237,9 @@ static void read_member(struct config_loader *loader, const struct config_place 
 /* Whether a point is in the logical node. */
 static bool is_in(const struct map_config *config, const char *ln, uint32_t point)
 {
-	for (uint32_t i = 0; i < map_record_count(config, IEC61850_ASSIGNMENTS); i++)
-		if (iec61850_assignments(config)[i].point == point)
-			return strcmp(iec61850_assignments(config)[i].ln, ln) == 0;
-	return strcmp(ln, "GGIO1") == 0;
+	const struct iec61850_assignment *assigned = iec61850_assigned_to(config, point);
+
+	return strcmp(assigned == NULL ? "GGIO1" : assigned->ln, ln) == 0;
 }
 
 /* LLN0, or a logical node of a point of the device. */

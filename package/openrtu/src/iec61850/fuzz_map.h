@@ -7,6 +7,7 @@
 
 #include "fuzz.h"
 #include "iec61850/report.h"
+#include "map/limits.h"
 
 #define FUZZ_POINTS  (2 * MAP_TYPES)
 #define FUZZ_MAX_PDU IEC61850_PDU_MIN
@@ -23,6 +24,8 @@ static struct iec61850_settings fuzz_settings = {.ied = "RTU",
 static struct iec61850_assignment fuzz_assignments[] = {{.point = MAP_TYPES + MAP_DOUBLE, .ln = "Q1XCBR1"},
 							{.point = MAP_TYPES + MAP_STEP, .ln = "YLTC1"},
 							{.point = MAP_TYPES + MAP_FLOAT, .ln = "MMXU1"}};
+static struct map_limits fuzz_limits[] = {
+    {.point = MAP_TYPES + MAP_FLOAT, .high = 1, .low = -1, .low_low = -5}};
 /* The first device's data set and control blocks are chosen, the second's are as they are without. */
 static struct iec61850_data_set fuzz_data_sets[] = {
     {.ln = "GGIO1", .name = "Some", .first_member = 3, .member_count = 1},
@@ -58,8 +61,12 @@ static struct map_config fuzz_config = {.sets = fuzz_sets,
 						     {.id = IEC61850_REPORTS,
 						      .record_size = sizeof(fuzz_reports[0]),
 						      .count = 3,
-						      .records = fuzz_reports}},
-					.section_count = 5};
+						      .records = fuzz_reports},
+						     {.id = MAP_LIMITS,
+						      .record_size = sizeof(fuzz_limits[0]),
+						      .count = 1,
+						      .records = fuzz_limits}},
+					.section_count = 6};
 
 const struct map_config *map_config(const struct map *map)
 {
@@ -165,6 +172,7 @@ static struct iec61850_server *fuzz_server(void)
 		    .type = (uint8_t)(i % MAP_TYPES),
 		    .flags = i % 2 ? MAP_POINT_COMMAND | (i % 4 == 3 ? MAP_POINT_SELECT : 0u) : 0u,
 		    .ioa = 1 + i * 1000};
+	fuzz_points[MAP_TYPES + MAP_FLOAT].flags |= MAP_POINT_LIMITS;
 	fuzz_assign(&fuzz_assignments[0], "XCBR", "Pos");
 	fuzz_assign(&fuzz_assignments[1], "YLTC", "TapPos");
 	fuzz_assign(&fuzz_assignments[2], "MMXU", "TotW");

@@ -3,7 +3,7 @@
 
 const char *const iec61850_cdc_names[IEC61850_CDCS] = {"SPS", "DPS", "INS", "ENS", "ENC", "ACT",
 						       "ACD", "BCR", "MV",  "SPC", "DPC", "INC",
-						       "BSC", "ISC", "APC", "LPL", "DPL"};
+						       "BSC", "ISC", "APC", "LPL", "DPL", "MV"};
 
 #define COUNT(array) ((uint8_t)(sizeof(array) / sizeof((array)[0])))
 #define IS(name, cdc)                                                                                        \

@@ -28,6 +28,7 @@ enum iec61850_cdc {
 	IEC61850_APC,
 	IEC61850_LPL,
 	IEC61850_DPL,
+	IEC61850_MV_RANGE, /* MV of a point with limits */
 	IEC61850_CDCS,
 };
 extern const char *const iec61850_cdc_names[IEC61850_CDCS];
@@ -44,6 +45,7 @@ enum iec61850_enumeration {
 	IEC61850_DIRECTION_KIND,
 	IEC61850_SI_UNIT_KIND,
 	IEC61850_MULTIPLIER_KIND,
+	IEC61850_RANGE_KIND,
 	IEC61850_ENUMERATIONS,
 };
 
@@ -73,6 +75,13 @@ extern const size_t iec61850_ln_class_count;
 
 /* What GGIO has for a point. Without a command an xxC shows its status only. */
 struct iec61850_data iec61850_default_data(const struct map_point *point);
+/* The class of the data that a point is: with a range if it has limits. */
+static inline enum iec61850_cdc iec61850_cdc_of(const struct iec61850_data *data,
+						const struct map_point *point)
+{
+	return data->cdc == IEC61850_MV && (point->flags & MAP_POINT_LIMITS) ? IEC61850_MV_RANGE
+									     : (enum iec61850_cdc)data->cdc;
+}
 /* Whether a point of this type can be data of this class. */
 bool iec61850_cdc_takes(enum iec61850_cdc cdc, unsigned type);
 

@@ -66,17 +66,14 @@ static struct what data_of(const struct iec61850_ln_class *class, unsigned numbe
 static struct what what_of_point(const struct iec61850_model *model, uint32_t point)
 {
 	const struct iec61850_assignment *assigned = model->assigned[point];
-	struct what what;
+	const struct map_point *of = &model->config->points[point];
+	const struct iec61850_data data = assigned == NULL
+					      ? iec61850_default_data(of)
+					      : iec61850_ln_classes[assigned->class].data[assigned->data];
 
-	if (assigned == NULL) {
-		const struct map_point *of = &model->config->points[point];
-		const struct iec61850_data data = iec61850_default_data(of);
-
-		return (struct what){data.name, (enum iec61850_cdc)data.cdc, 0, of->ioa};
-	}
-	what = data_of(&iec61850_ln_classes[assigned->class], assigned->data);
-	what.number = assigned->number;
-	return what;
+	return (struct what){data.name, iec61850_cdc_of(&data, of),
+			     (enum iec61850_enumeration)data.enumeration,
+			     assigned == NULL ? of->ioa : assigned->number};
 }
 
 /* The class's data of the number-th bit of those that are there without a point. */
@@ -216,6 +213,7 @@ struct iec61850_class iec61850_class_of(const struct iec61850_model *model,
 				       .controllable = iec61850_cdc_is_controllable(what.cdc),
 				       .has_limits = has_limits(model, point, what.cdc),
 				       .has_unit = has_unit(model, point),
+				       .has_range = what.cdc == IEC61850_MV_RANGE,
 				       .control = point == MAP_NONE ? IEC61850_STATUS_ONLY
 								    : iec61850_ctl_model(model, point)};
 }

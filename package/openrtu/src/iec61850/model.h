@@ -62,6 +62,7 @@ enum iec61850_trigger {
 	IEC61850_INTEGRITY = 0x08,
 	IEC61850_GENERAL = 0x04,
 	IEC61850_TRIGGERS = 0x7c,
+	IEC61850_RANGE_CHANGE = 0x01, /* no trigger: what a data change is to range, which is not told else */
 };
 enum iec61850_option {
 	IEC61850_SEQUENCE = 0x4000,
@@ -181,7 +182,7 @@ struct iec61850_class {
 	const char *name;                      /* its common data class */
 	enum iec61850_enumeration enumeration; /* of its stVal */
 	bool controllable;
-	bool has_limits, has_unit; /* of its point */
+	bool has_limits, has_unit, has_range; /* of its point */
 	enum iec61850_ctl_kind control;
 };
 

@@ -6,6 +6,7 @@
 
 #include "iec61850/model.h"
 #include "map/hash.h"
+#include "map/limits.h"
 #include "map/type.h"
 
 /* What a logical device has if nobody has chosen its data sets. */
@@ -112,11 +113,12 @@ static void make_devices(struct iec61850_model *model)
 static uint32_t hash_member(const struct iec61850_model *model, const struct iec61850_object *object,
 			    uint32_t hash)
 {
-	const char *const class = iec61850_class_of(model, object).name;
+	const struct iec61850_class class = iec61850_class_of(model, object);
 	char name[IEC61850_NAME_SIZE];
 
 	iec61850_variable_name(model, object, name);
-	return map_hash_octets(map_hash_octets(hash, name, strlen(name)), class, strlen(class));
+	hash = map_hash_octets(map_hash_octets(hash, name, strlen(name)), class.name, strlen(class.name));
+	return class.has_range && object->node == NULL ? map_hash_word(hash, IEC61850_MV_RANGE) : hash;
 }
 
 /* Where each point is. */
@@ -380,6 +382,13 @@ static uint32_t hash_assignment(uint32_t hash, const struct iec61850_assignment 
 			       sizeof(words));
 }
 
+static uint32_t hash_limits(uint32_t hash, const struct map_limits *limits)
+{
+	const float numbers[] = {limits->high_high, limits->high, limits->low, limits->low_low};
+
+	return map_hash_octets(hash, numbers, sizeof(numbers));
+}
+
 static uint32_t hash_section(const struct map_config *config, uint32_t id, size_t size, uint32_t hash)
 {
 	const uint32_t count = map_record_count(config, id);
@@ -408,6 +417,8 @@ static uint32_t number_of_configuration(const struct iec61850_model *model)
 		hash = map_hash_octets(hash, words, sizeof(words));
 		if (unit.si != 0)
 			hash = map_hash_octets(hash, &unit, sizeof(unit));
+		if (point->flags & MAP_POINT_LIMITS)
+			hash = hash_limits(hash, map_limits_of(model->config, model->points[i]));
 		if (model->assigned[model->points[i]] != NULL)
 			hash = hash_assignment(hash, model->assigned[model->points[i]]);
 	}

@@ -8,6 +8,7 @@
 #include "iec61850/tags.h"
 #include "iec61850/value.h"
 #include "map/hash.h"
+#include "map/limits.h"
 
 /* ---- pending ----------------------------------------------------------------------------- */
 
@@ -44,6 +45,14 @@ static unsigned reasons_of(const struct iec61850_node *node)
 	return node->leaf == IEC61850_TIME ? always : always | IEC61850_DATA_CHANGE | IEC61850_DATA_UPDATE;
 }
 
+/* Those of a point's reasons for which an attribute of it, or all, is told. */
+static unsigned reasons_for(const struct iec61850_node *node, unsigned reason)
+{
+	if (node != NULL && node->leaf == IEC61850_RANGE && !(reason & IEC61850_RANGE_CHANGE))
+		reason &= ~(unsigned)IEC61850_DATA_CHANGE;
+	return reason & reasons_of(node);
+}
+
 /* Marks the point in each data set that has it. */
 static void mark_point(const struct iec61850_model *model, uint32_t point, unsigned reason, int64_t now_ns)
 {
@@ -54,17 +63,20 @@ static void mark_point(const struct iec61850_model *model, uint32_t point, unsig
 		for (uint32_t j = 0; j < device->block_count; j++)
 			if (!device->blocks[j].buffered && iec61850_set_has(model, device->blocks[j].set, i))
 				mark(&device->blocks[j], i - model->sets[device->blocks[j].set].first,
-				     reason & reasons_of(model->nodes[i]), now_ns);
+				     reasons_for(model->nodes[i], reason), now_ns);
 }
 
 /* Why a sample is told; 0: it is not. A counter's detail is the number of its freeze, which clients do not see. */
-static unsigned reason_of(const struct map_point *point, const struct map_sample *sample,
+static unsigned reason_of(const struct map_config *config, uint32_t number, const struct map_sample *sample,
 			  const struct map_sample *before)
 {
+	const struct map_point *point = &config->points[number];
+	const bool crossed =
+	    map_range_of(config, number, sample->value) != map_range_of(config, number, before->value);
 	const bool changed = sample->value.u != before->value.u ||
 			     (point->type == MAP_STEP && sample->detail != before->detail);
 
-	return (changed ? IEC61850_DATA_CHANGE : 0) |
+	return (changed ? IEC61850_DATA_CHANGE : 0) | (crossed ? IEC61850_RANGE_CHANGE : 0) |
 	       (sample->quality != before->quality ? IEC61850_QUALITY_CHANGE : 0);
 }
 
@@ -85,7 +97,7 @@ static void note(struct iec61850_server *server, uint32_t point, const struct ma
 		 unsigned otherwise, int64_t now_ns)
 {
 	const struct iec61850_model *model = &server->model;
-	const unsigned changed = reason_of(&model->config->points[point], sample, &model->image[point]);
+	const unsigned changed = reason_of(model->config, point, sample, &model->image[point]);
 	const unsigned reason = changed != 0 ? changed : otherwise;
 
 	model->image[point] = *sample;
@@ -117,7 +129,9 @@ void iec61850_report_event(struct iec61850_server *server, const struct map_even
 		if (event->time == MAP_TIME_MONOTONIC && event->point < server->model.config->point_count)
 			/* What a former process had not taken, the image may have already: it is a change. */
 			note(server, event->point, &event->sample,
-			     server->catching_up ? IEC61850_DATA_CHANGE : IEC61850_DATA_UPDATE, now_ns);
+			     server->catching_up ? IEC61850_DATA_CHANGE | IEC61850_RANGE_CHANGE
+						 : IEC61850_DATA_UPDATE,
+			     now_ns);
 		return;
 	case MAP_EVENT_MODULE_DOWN:
 	case MAP_EVENT_MODULE_UP:
@@ -574,7 +588,7 @@ static uint32_t choose(struct iec61850_server *server, const struct iec61850_blo
 static unsigned reason_told(const struct iec61850_server *server, const struct iec61850_block *block,
 			    const struct map_history_entry *entry, uint32_t member)
 {
-	return entry->reason & block->triggers & reasons_of(server->model.nodes[member]);
+	return block->triggers & reasons_for(server->model.nodes[member], entry->reason);
 }
 
 /* Why a member of the block's set is in the report. */

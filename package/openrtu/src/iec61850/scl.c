@@ -362,6 +362,12 @@ static bool setting_of(const struct iec61850_scl *scl, const struct iec61850_obj
 	case IEC61850_LEAST:
 	case IEC61850_MOST:
 	case IEC61850_STEP_SIZE:
+	case IEC61850_HIGH_HIGH:
+	case IEC61850_HIGH:
+	case IEC61850_LOW:
+	case IEC61850_LOW_LOW:
+	case IEC61850_MEASURED_LEAST:
+	case IEC61850_MEASURED_MOST:
 		snprintf(out, TEXT_SIZE, "%.9g", (double)iec61850_limit_of(scl->model, object, leaf));
 		return true;
 	default:
@@ -526,6 +532,7 @@ static const struct {
 				   "automatic-bay", "automatic-station", "automatic-remote", "maintenance",
 				   "process"},
 				  0},
+    [IEC61850_RANGE_KIND] = {"RangeKind", {"normal", "high", "low", "high-high", "low-low"}, 0},
     [IEC61850_SI_UNIT_KIND] = {"SIUnitKind", {NULL}, 0},
     [IEC61850_MULTIPLIER_KIND] = {"MultiplierKind", {NULL}, 0},
 };
@@ -552,8 +559,8 @@ static void type_id(const struct iec61850_class *class, char out[ID_SIZE])
 	else if (class->controllable)
 		snprintf(out, ID_SIZE, "%s_%s", class->name,
 			 literal(IEC61850_CTL_MODEL_KIND, (int)class->control));
-	snprintf(out + strlen(out), ID_SIZE - strlen(out), "%s%s", class->has_limits ? "_limits" : "",
-		 class->has_unit ? "_units" : "");
+	snprintf(out + strlen(out), ID_SIZE - strlen(out), "%s%s%s", class->has_limits ? "_limits" : "",
+		 class->has_unit ? "_units" : "", class->has_range ? "_range" : "");
 }
 
 /* An attribute's enumeration. orCat is the other one but stVal. */
@@ -564,6 +571,8 @@ static enum iec61850_enumeration enumeration_of(const struct iec61850_node *node
 		return IEC61850_CTL_MODEL_KIND;
 	if (node->leaf == IEC61850_DIRECTION)
 		return IEC61850_DIRECTION_KIND;
+	if (node->leaf == IEC61850_RANGE)
+		return IEC61850_RANGE_KIND;
 	if (node->leaf == IEC61850_SI_UNIT)
 		return IEC61850_SI_UNIT_KIND;
 	if (node->leaf == IEC61850_MULTIPLIER)

@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "iec61850/value.h"
 
+#include <float.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "iec61850/leaf.h"
 #include "iec61850/tags.h"
+#include "map/limits.h"
 #include "map/type.h"
 #include "quality/quality.h"
 
@@ -25,6 +27,7 @@ struct state {
 	int64_t number;
 	float real;
 	bool transient;
+	enum map_range range;
 	uint16_t quality;
 	uint8_t time[8];
 	const struct iec61850_object *object; /* of which it is */
@@ -80,9 +83,11 @@ static void set_former_time(int64_t wall_ns, uint8_t time, struct state *out)
 	iec61850_time_of(wall_ns, &clock, out->time);
 }
 
-static void set_sample(const struct iec61850_model *model, const struct map_point *point,
-		       struct map_sample sample, struct state *out)
+static void set_sample(const struct iec61850_model *model, uint32_t number, struct map_sample sample,
+		       struct state *out)
 {
+	const struct map_point *point = &model->config->points[number];
+
 	switch (map_class_of(point)) {
 	case MAP_CLASS_STATE:
 	case MAP_CLASS_PATTERN:
@@ -99,6 +104,7 @@ static void set_sample(const struct iec61850_model *model, const struct map_poin
 			out->real /= NORMALIZED_ONE;
 		break;
 	}
+	out->range = map_range_of(model->config, number, sample.value);
 	out->transient = point->type == MAP_STEP && (sample.detail & TRANSIENT_BIT) != 0;
 	out->quality = quality_of_map(sample.quality);
 	set_time(model, sample.time_ns, out);
@@ -110,7 +116,7 @@ static bool load_point(const struct iec61850_model *model, uint32_t number, stru
 
 	if (!map_read(model->map, number, &sample))
 		return false;
-	set_sample(model, &model->config->points[number], sample, out);
+	set_sample(model, number, sample, out);
 	return true;
 }
 
@@ -260,14 +266,38 @@ static struct iec61850_unit unit_of(const struct iec61850_model *model, const st
 	return iec61850_unit_of(model, config_of(model, object));
 }
 
+/* In the unit of the value sent. */
+static float number_of(const struct map_config *config, uint32_t point, enum iec61850_leaf leaf)
+{
+	switch (leaf) {
+	case IEC61850_LEAST:
+		return config->points[point].min;
+	case IEC61850_MOST:
+		return config->points[point].max;
+	case IEC61850_STEP_SIZE:
+		return config->points[point].step;
+	case IEC61850_HIGH_HIGH:
+		return map_limits_of(config, point)->high_high;
+	case IEC61850_HIGH:
+		return map_limits_of(config, point)->high;
+	case IEC61850_LOW:
+		return map_limits_of(config, point)->low;
+	case IEC61850_LOW_LOW:
+		return map_limits_of(config, point)->low_low;
+	case IEC61850_MEASURED_LEAST:
+		return -FLT_MAX;
+	case IEC61850_MEASURED_MOST:
+		return FLT_MAX;
+	default:
+		return config->points[point].deadband;
+	}
+}
+
 float iec61850_limit_of(const struct iec61850_model *model, const struct iec61850_object *object,
 			enum iec61850_leaf leaf)
 {
 	const struct map_point *point = config_of(model, object);
-	const float value = leaf == IEC61850_LEAST       ? point->min
-			    : leaf == IEC61850_MOST      ? point->max
-			    : leaf == IEC61850_STEP_SIZE ? point->step
-							 : point->deadband;
+	const float value = number_of(model->config, iec61850_point_of(model, object), leaf);
 
 	return point->type == MAP_NORMALIZED ? value / NORMALIZED_ONE : value;
 }
@@ -313,6 +343,9 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 	case IEC61850_TOTAL:
 		ber_put_integer(writer, IEC61850_TAG_INTEGER, state->number);
 		return;
+	case IEC61850_RANGE:
+		ber_put_integer(writer, IEC61850_TAG_INTEGER, state->range);
+		return;
 	case IEC61850_DIRECTION:
 		ber_put_integer(writer, IEC61850_TAG_INTEGER, 0);
 		return;
@@ -340,6 +373,12 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 	case IEC61850_LEAST:
 	case IEC61850_MOST:
 	case IEC61850_STEP_SIZE:
+	case IEC61850_HIGH_HIGH:
+	case IEC61850_HIGH:
+	case IEC61850_LOW:
+	case IEC61850_LOW_LOW:
+	case IEC61850_MEASURED_LEAST:
+	case IEC61850_MEASURED_MOST:
 		put_float(writer, iec61850_limit_of(model, state->object, node->leaf));
 		return;
 	case IEC61850_CTL_MODEL:
@@ -443,7 +482,7 @@ void iec61850_put_sample(struct ber_writer *writer, const struct iec61850_model 
 	const size_t end = writer->at;
 	struct state state = {.object = object};
 
-	set_sample(model, &model->config->points[iec61850_point_of(model, object)], *sample, &state);
+	set_sample(model, iec61850_point_of(model, object), *sample, &state);
 	if (time != MAP_TIME_MONOTONIC)
 		set_former_time(sample->time_ns, time, &state);
 	if (object->node != NULL) {

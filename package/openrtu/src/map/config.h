@@ -51,6 +51,7 @@ enum map_point_flag {
 	 */
 	MAP_POINT_POSITION = 1u << 3,
 	MAP_POINT_RETAIN = 1u << 4, /* its value and quality outlive the process of its owner */
+	MAP_POINT_LIMITS = 1u << 5, /* it has some (map/limits.h) */
 };
 
 /*

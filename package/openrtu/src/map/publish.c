@@ -3,6 +3,7 @@
 #include <math.h>
 
 #include "map/layout.h"
+#include "map/limits.h"
 
 /* ---- events ------------------------------------------------------------------------------ */
 
@@ -33,7 +34,8 @@ static bool value_left(const struct map *map, uint32_t point, union map_value fr
 	if (isnan(by))
 		return true;
 	map_parameters_read(map, point, &parameters);
-	return by > parameters.threshold || parameters_crossed(&parameters, type, from, to);
+	return by > parameters.threshold || parameters_crossed(&parameters, type, from, to) ||
+	       map_range_of(&map->config, point, from) != map_range_of(&map->config, point, to);
 }
 
 static bool has_changed(const struct map *map, const struct map_update *update, const struct reported *last)

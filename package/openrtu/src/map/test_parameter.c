@@ -2,6 +2,7 @@
 /* Parameters of measured values: loaded, in force, refused, and what stays of them. */
 #include <math.h>
 
+#include "map/limits.h"
 #include "map/test_stage.h"
 
 #define S 1000000000LL
@@ -109,6 +110,61 @@ static void test_crossing_a_limit_is_an_event(void **state)
 	publish(commands.owner, 96, map_now_ns());
 	assert_int_equal(events(commands.requester, &cursor), 1);
 	end_commands(&commands);
+}
+
+/* Within the deadband of 10; a value on a limit has not crossed it. */
+static void test_crossing_a_limit_of_the_configuration_is_an_event(void **state)
+{
+	static struct map_limits limits = {
+	    .point = LEVEL, .high_high = 106, .high = 103, .low = 97, .low_low = 94};
+	static const struct {
+		int32_t value;
+		enum map_range range;
+		unsigned events;
+	} steps[] = {{100, MAP_RANGE_NORMAL, 1}, {103, MAP_RANGE_NORMAL, 0},    {104, MAP_RANGE_HIGH, 1},
+		     {106, MAP_RANGE_HIGH, 0},   {107, MAP_RANGE_HIGH_HIGH, 1}, {97, MAP_RANGE_NORMAL, 1},
+		     {96, MAP_RANGE_LOW, 1},     {94, MAP_RANGE_LOW, 0},        {93, MAP_RANGE_LOW_LOW, 1},
+		     {92, MAP_RANGE_LOW_LOW, 0}};
+	struct stage *stage = *state;
+	struct command_stage commands;
+	struct map_cursor cursor;
+
+	stage->points[LEVEL].flags |= MAP_POINT_LIMITS;
+	map_add_section(&stage->config, MAP_LIMITS, sizeof(limits), 1, &limits);
+	make_again(stage);
+	commands = start_commands(stage);
+	map_cursor_to_end(commands.requester, &cursor);
+	for (size_t i = 0; i < sizeof(steps) / sizeof(steps[0]); i++) {
+		publish(commands.owner, steps[i].value, map_now_ns());
+		assert_int_equal(events(commands.requester, &cursor), steps[i].events);
+		assert_int_equal(map_range_of(map_config(commands.requester), LEVEL,
+					      (union map_value){.i = steps[i].value}),
+				 steps[i].range);
+	}
+	end_commands(&commands);
+}
+
+/* Of several points each has its own, and a value that is no number has crossed none. */
+static void test_limits_are_found(void **state)
+{
+	struct map_limits limits[] = {{.point = 1, .high = 1, .high_high = 1},
+				      {.point = 2, .high = 2, .high_high = 9},
+				      {.point = 4, .high = 4, .high_high = 9}};
+	struct map_point points[5] = {{.type = MAP_FLOAT}};
+	struct map_config config = {.points = points, .point_count = 5};
+
+	(void)state;
+	for (uint32_t i = 1; i < 5; i++)
+		points[i] = (struct map_point){.type = MAP_FLOAT, .flags = i == 3 ? 0 : MAP_POINT_LIMITS};
+	map_add_section(&config, MAP_LIMITS, sizeof(*limits), 3, limits);
+	for (uint32_t i = 0; i < 3; i++)
+		assert_ptr_equal(map_limits_of(&config, limits[i].point), &limits[i]);
+	assert_int_equal(map_range_of(&config, 0, (union map_value){.f = 99}), MAP_RANGE_NORMAL);
+	assert_int_equal(map_range_of(&config, 3, (union map_value){.f = 99}), MAP_RANGE_NORMAL);
+	assert_int_equal(map_range_of(&config, 2, (union map_value){.f = 9}), MAP_RANGE_HIGH);
+	assert_int_equal(map_range_of(&config, 4, (union map_value){.f = 10}), MAP_RANGE_HIGH_HIGH);
+	assert_int_equal(map_range_of(&config, 4, (union map_value){.f = -1}), MAP_RANGE_LOW_LOW);
+	assert_int_equal(map_range_of(&config, 4, (union map_value){.f = NAN}), MAP_RANGE_NORMAL);
 }
 
 static void test_smoothing(void **state)
@@ -221,6 +277,8 @@ int main(void)
 	    MEASURED(test_the_configuration_is_in_force_first),
 	    MEASURED(test_threshold),
 	    MEASURED(test_crossing_a_limit_is_an_event),
+	    MEASURED(test_crossing_a_limit_of_the_configuration_is_an_event),
+	    cmocka_unit_test(test_limits_are_found),
 	    MEASURED(test_smoothing),
 	    MEASURED(test_smoothing_begins_with_the_last_value),
 	    MEASURED(test_a_blocked_value_is_smoothed_and_an_overflow_is_not),

@@ -3,6 +3,7 @@
 
 #include <string.h>
 
+#include "map/limits.h"
 #include "map/supervise.h"
 #include "rtud/kinds.h"
 
@@ -101,6 +102,18 @@ static bool same_point(const struct map_point *a, const struct map_point *b)
 	       same_float(a->min, b->min) && same_float(a->max, b->max);
 }
 
+static bool same_ranges(const struct map_config *a, uint32_t in_a, const struct map_config *b, uint32_t in_b)
+{
+	const struct map_limits *one, *other;
+
+	if (!(a->points[in_a].flags & MAP_POINT_LIMITS))
+		return true;
+	one = map_limits_of(a, in_a);
+	other = map_limits_of(b, in_b);
+	return same_float(one->high_high, other->high_high) && same_float(one->high, other->high) &&
+	       same_float(one->low, other->low) && same_float(one->low_low, other->low_low);
+}
+
 static bool same_set(const struct map_config *a, const struct map_set *set, const struct map_config *b,
 		     const struct map_set *other)
 {
@@ -110,6 +123,7 @@ static bool same_set(const struct map_config *a, const struct map_set *set, cons
 		return false;
 	for (uint32_t i = 0; i < set->point_count; i++)
 		if (!same_point(&a->points[set->first_point + i], &b->points[other->first_point + i]) ||
+		    !same_ranges(a, set->first_point + i, b, other->first_point + i) ||
 		    !same_name(a, set->first_point + i, b, other->first_point + i))
 			return false;
 	return true;

@@ -6,6 +6,7 @@
 #include "iec61850/config.h"
 #include "iec61850/config_part.h"
 #include "iec61850/kept.h"
+#include "map/limits.h"
 #include "modules/calls.h"
 #include "modules/iec61850/cid.h"
 #include "modules/kind.h"
@@ -83,6 +84,7 @@ static bool same(const struct map_config *a, const struct map_config *b, uint32_
 	return memcmp(iec61850_settings(a), iec61850_settings(b), sizeof(struct iec61850_settings)) == 0 &&
 	       same_units(a, b) &&
 	       same_records(a, b, IEC61850_ASSIGNMENTS, sizeof(struct iec61850_assignment)) &&
+	       same_records(a, b, MAP_LIMITS, sizeof(struct map_limits)) &&
 	       same_records(a, b, IEC61850_DATA_SETS, sizeof(struct iec61850_data_set)) &&
 	       same_records(a, b, IEC61850_MEMBERS, sizeof(struct iec61850_chosen)) &&
 	       same_records(a, b, IEC61850_REPORTS, sizeof(struct iec61850_report));
