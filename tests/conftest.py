@@ -48,10 +48,22 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     return area_of(str(collection_path.relative_to(ROOT))) != area or None
 
 
+cases: Counter[str] = Counter()  # collected so far, of each table
+
+
+def pytest_itemcollected(item: pytest.Item) -> None:
+    """Of a table that is marked as sample(n), the first case and each n-th after it are quick."""
+    if marker := item.get_closest_marker("sample"):
+        table = item.nodeid.partition("[")[0]
+        if cases[table] % marker.args[0]:
+            item.add_marker(pytest.mark.slow)
+        cases[table] += 1
+
+
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Files with many slow tests first, short ones and what is spread last: so the workers end together."""
-    if config.getoption("--dist") == "loadfile":
+    if hasattr(config, "workerinput"):  # of xdist; a worker does not know --dist
         slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
         items.sort(
             key=lambda item: (

@@ -680,6 +680,7 @@ def refused_values(rule: dict[str, Any]) -> list[Any]:
     return [None, "1"] if "type" in rule else []
 
 
+@pytest.mark.sample(15)
 @pytest.mark.parametrize("site", SITES, ids=lambda site: site.definition or "file")
 def test_schema_and_loader_agree_on_values(programs: Path, tmp_path: Path, site: Site) -> None:
     for key, rule in ((key, resolved(rule)) for key, rule in site.properties().items()):

@@ -157,6 +157,7 @@ def test_one_kill_of_each_module(substation: Substation) -> None:
     kill_station(substation, 1)
 
 
+@pytest.mark.slow
 def test_stopped_line_process_is_invalid_until_it_goes_on(substation: Substation) -> None:
     with RawMaster(*substation.gateway.address) as master:
         pid, _ = kill(substation.gateway, "rtu-modbus-2", signal.SIGSTOP)

@@ -123,6 +123,7 @@ TYPES = [
 ]
 
 
+@pytest.mark.sample(5)
 @pytest.mark.parametrize(("device", "space", "address", "raw", "ioa", "kind", "value"), TYPES)
 def test_type_arrives_as_event(
     desk: Desk, device: str, space: str, address: int, raw: list[int], ioa: int, kind: str, value: object
@@ -268,6 +269,7 @@ def test_two_registers_are_written_in_one_request(desk: Desk) -> None:
     assert [frame[:7] for frame in writes] == [bytes([20, 16, 0, 0, 0, 2, 4])]
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("fault", "writes"), [(("exception", 4, 5), 1), (("mute",), 1), (("corrupt",), 1)], ids=lambda f: str(f)
 )

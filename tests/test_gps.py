@@ -219,6 +219,7 @@ def test_damaged_lines_cost_themselves(drive: Drive) -> None:
     assert drive.row()["stray"] > 0
 
 
+@pytest.mark.slow
 def test_line_that_is_lost_comes_back(drive: Drive) -> None:
     drive.say(DEPOT)
     drive.receiver.unplug()

@@ -299,6 +299,7 @@ def test_a_handshake_that_does_not_end_is_ended(server: Server) -> None:
             server.wait_log(rf" port {peer.getsockname()[1]}: refused, its handshake takes too long$")
 
 
+@pytest.mark.slow
 def test_a_client_that_never_associates_is_ended(server: Server) -> None:
     """Behind its handshake it has a place, and no longer than one without TLS."""
     with server.pki.client().wrap_socket(socket.create_connection(server.address, 4 * HANDSHAKE_S)) as silent:

@@ -93,6 +93,7 @@ def test_a_tap_changer_that_moves_is_in_transit(port: tuple[Substation, int]) ->
             assert mms.elements(first[1]) == [(0x85, value), (0x83, moves)] == position(client)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(("block", "reading"), [("RP$urcbStatus01", 100), ("BR$brcbStatus01", 200)])
 def test_an_update_without_a_change_is_dupd(port: tuple[Substation, int], block: str, reading: int) -> None:
     """A counter is frozen each second: who wants dupd hears of it; who wants dchg, of a change alone."""

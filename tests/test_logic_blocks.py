@@ -109,6 +109,7 @@ def test_biquad_is_that_of_scipy(signal: ModuleType) -> None:
     assert numbers(found) == pytest.approx(list(signal.lfilter(b, a, values)), rel=1e-12, abs=1e-12)
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("kind", ["butterworth", "chebyshev", "elliptic"])
 @pytest.mark.parametrize(
     ("band", "edges"), [("low", "1.5"), ("high", "1.5"), ("pass", "1,2"), ("stop", "1,2")]

@@ -492,6 +492,7 @@ def test_master_commands_through(gateway: Run, town: Outstation) -> None:
         assert not master.command(CA, 101, "C_SC_NA_1", c104.SingleCmd(True))
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("cause", [ACT_CON | NEGATIVE, 44, 45, 46, 47, 47 | NEGATIVE])
 @pytest.mark.parametrize("selected", [False, True])
 def test_refusal_has_its_reason(gateway: Run, town: Outstation, cause: int, selected: bool) -> None:
@@ -701,6 +702,7 @@ HOSTILE = {
 }
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("name", HOSTILE)
 def test_hostile_station_reaches_no_other(gateway: Run, town: Outstation, name: str) -> None:
     with Outstation() as hostile:

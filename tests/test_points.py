@@ -289,6 +289,7 @@ def test_csv_says_what_a_control_centre_asks_for(programs: Path) -> None:
     )
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("path", LISTED, ids=lambda path: path.name)
 def test_from_csv_and_back_is_the_same(programs: Path, tmp_path: Path, path: Path) -> None:
     listed = rtud(programs, "--points", "--csv", path).stdout
@@ -324,6 +325,7 @@ def test_from_csv_a_device_keeps_what_its_template_says_of_it(programs: Path, tm
     ]
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

@@ -94,6 +94,7 @@ def test_who_has_the_port_is_named_and_gets_no_octet(start: Start) -> None:
     assert re.search(r"make run-native PORT=\d+", verdict["probably"])
 
 
+@pytest.mark.sample(5)
 @pytest.mark.parametrize("port", ["0", "65536", "-1", "2404x", "http"])
 def test_port_that_is_none_is_wrong_usage(start: Start, port: str) -> None:
     show = start(f"--port={port}")

@@ -496,6 +496,7 @@ def test_a_repeated_request_acts_once(site: Site) -> None:
     assert site.writes(mark) == 1
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize(
     ("state", "more", "reason"),
     [
@@ -771,6 +772,7 @@ def test_versions_without_security_have_no_answer(site: Site) -> None:
             site.manager(timeout_s=1).run("snmpget", oid("rtuStationName.0"), version=version)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("level", ["noAuthNoPriv", "authNoPriv"])
 def test_without_encryption_nothing_is_told(site: Site, level: str) -> None:
     with pytest.raises(Refused, match="authorizationError"):
@@ -806,6 +808,7 @@ def test_the_tables_of_users_and_views_are_not_there(site: Site) -> None:
 # ---- sizes ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("most", [484, 1472, 65507])
 def test_an_answer_is_no_longer_than_its_asker_takes(site: Site, most: int) -> None:
     """However much is asked for: through a relay that measures."""

@@ -266,8 +266,8 @@ def test_session_goes_on_while_the_device_is_slow(plant: Plant, master: RawMaste
     ("fault", "tagged"),
     [
         pytest.param(("exception", 4), False, id="exception"),
-        pytest.param(("exception", 4), True, id="exception tagged"),
-        pytest.param(("mute",), False, id="timeout"),
+        pytest.param(("exception", 4), True, id="exception tagged", marks=pytest.mark.slow),
+        pytest.param(("mute",), False, id="timeout", marks=pytest.mark.slow),
         pytest.param(("mute",), True, id="timeout tagged", marks=pytest.mark.slow),
     ],
 )

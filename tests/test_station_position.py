@@ -81,6 +81,7 @@ def test_tshark_reads_all_of_a_segment(tmp_path: Path) -> None:
     assert wrong == ""
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("octets", [WARSAW[:-1], WARSAW + b"\0", b""], ids=["short", "long", "empty"])
 def test_tshark_says_what_has_a_wrong_size(octets: bytes, tmp_path: Path) -> None:
     ((ioa, *_, wrong),) = dissected(i_frame(IDENTIFIER + bytes((1, 0, 0)) + octets), tmp_path)

@@ -209,6 +209,7 @@ def kill_station(_: Link, gateway: Gateway) -> None:
     gateway.wait_for(is_back, SOON_S, "the station is back")
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("interrupt", [close, reset, kill_station])
 @pytest.mark.parametrize(
     ("name", "source"), [pytest.param("Control centre", MAIN, id="group"), ("127.0.0.50", "127.0.0.50")]

@@ -67,6 +67,7 @@ def speak_plainly(gateway: TlsGateway, octets: bytes) -> int:
 # ---- who comes in ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("version", VERSIONS)
 def test_interrogation_of_5000_points(gateway: TlsGateway, version: str) -> None:
     with gateway.master(version) as master:
@@ -75,6 +76,7 @@ def test_interrogation_of_5000_points(gateway: TlsGateway, version: str) -> None
     gateway.wait_log(rf'TLSv{version}, "centre 1"$')
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("version", VERSIONS)
 def test_each_apdu_has_a_record(gateway: TlsGateway, version: str) -> None:
     """Also those that wait together: of two in a record, such a master would see one."""
@@ -111,6 +113,7 @@ def test_lib60870_through_tls(gateway: TlsGateway, pki: Pki, version: str) -> No
         interrogate_with_lib60870(port)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     "suite",
     [
@@ -153,6 +156,7 @@ def test_no_certificate(gateway: TlsGateway, pki: Pki) -> None:
         assert_refused(gateway, context, "shows no certificate")
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("version", VERSIONS)
 def test_unknown_ca(gateway: TlsGateway, pki: Pki, version: str) -> None:
     context = pki.client(pki.stranger, version)
@@ -187,6 +191,7 @@ def test_suite_without_forward_secrecy(gateway: TlsGateway, pki: Pki) -> None:
     assert_refused(gateway, context, "no cipher suite is allowed")
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("version", VERSIONS)
 def test_version_that_is_not_configured(pki: Pki, programs: Path, version: str) -> None:
     other = next(key for key in VERSIONS if key != version)
@@ -403,6 +408,7 @@ def test_slow_reader(gateway: TlsGateway, pki: Pki, version: str) -> None:
         slow.close()
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("version", VERSIONS)
 def test_records_of_every_size(gateway: TlsGateway, pki: Pki, version: str) -> None:
     """Many APDUs in a record, more than the station takes at once; and an APDU in many records."""
@@ -482,12 +488,14 @@ def test_key_of_another_certificate(pki: Pki, programs: Path) -> None:
         gateway.wait_log("the key .*: does not belong to the certificate$")
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("name", ["certificate", "key", "ca", "crl"])
 def test_file_that_is_not_there(pki: Pki, programs: Path, name: str) -> None:
     with not_up(pki, programs, **{name: "/nowhere/file.pem"}) as gateway:
         gateway.wait_log(f"rtu-iec104-tls: the {name} /nowhere/file.pem: No such file or directory$")
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("name", ["certificate", "key", "ca", "crl"])
 def test_file_with_something_else(pki: Pki, programs: Path, name: str, tmp_path: Path) -> None:
     folder = run_directory()

@@ -43,6 +43,7 @@ def is_alive(connection: GnuTls) -> bool:
     return answer == TESTFR_CON
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("version", VERSIONS)
 def test_comes_in(gateway: TlsGateway, version: str) -> None:
     with connected(gateway, VERSIONS[version]) as connection:
@@ -51,6 +52,7 @@ def test_comes_in(gateway: TlsGateway, version: str) -> None:
     gateway.wait_log(rf'TLSv{version}, "centre 1"$')
 
 
+@pytest.mark.sample(5)
 @pytest.mark.parametrize(
     "suite",
     [
@@ -66,6 +68,7 @@ def test_suites(gateway: TlsGateway, suite: str) -> None:
         assert is_alive(connection)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("suite", ["+ECDHE-ECDSA:+AES-128-CBC:+SHA1", "+ECDHE-ECDSA:+AES-128-CCM:+AEAD"])
 def test_suites_that_are_not_allowed(gateway: TlsGateway, suite: str) -> None:
     with pytest.raises(GnuTlsError, match="fatal alert"):
@@ -111,6 +114,7 @@ def test_lib60870_through_gnutls(gateway: TlsGateway, version: str) -> None:
         interrogate_with_lib60870(port)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("version", VERSIONS)
 def test_session_is_resumed(gateway: TlsGateway, version: str) -> None:
     with connected(gateway, VERSIONS[version]) as first:

@@ -440,6 +440,7 @@ def test_normalized_value_is_the_register(usual: Substation, master: Bare, raw: 
     usual.gateway.wait_for(lambda: read() == expected, 60.0, "the register's new value")
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     "border",
     [

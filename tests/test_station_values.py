@@ -195,6 +195,7 @@ def test_status_bit_that_is_refused_leaves_nobody_knowing(desk: Desk, master: Ra
     desk.wait_all_good(RELAY_CA)
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("exception", [5, 6, 10, 11])
 def test_value_that_a_device_does_not_give_now_is_old(desk: Desk, master: RawMaster, exception: int) -> None:
     before = value_and_quality(desk, POWER)

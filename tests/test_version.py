@@ -47,6 +47,7 @@ def test_simulated_devices(linesim_program: Path) -> None:
     assert output_of(linesim_program) == f"linesim (OpenRTU) {VERSION}\n"
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("tool", ["nuc980-pins", "nuc980-netboot", "openrtu-logic"])
 def test_python_tools(tool: str) -> None:
     assert output_of(ROOT / "scripts" / tool) == f"{tool} (OpenRTU) {VERSION}\n"
@@ -65,6 +66,7 @@ def test_packages_take_it_from_the_file() -> None:
     assert "OPENRTU_VERSION = $(shell cat $(OPENRTU_SITE)/VERSION)\n" in buildroot
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("module", MODULES)
 def test_modules_say_who_starts_them(programs: Path, module: str) -> None:
     asked = subprocess.run(

@@ -383,6 +383,7 @@ def test_a_handshake_has_less_time_than_a_request(page: Page) -> None:
             silent.recv(10)
 
 
+@pytest.mark.slow
 def test_a_new_certificate_needs_no_restart(page: Page) -> None:
     """A session goes on with it. One that does not do leaves the old one in force."""
     engineer = page.client("engineer")
@@ -490,6 +491,7 @@ def test_users_file(tmp_path: Path) -> None:
     assert [line.split()[0] for line in file.read_text().splitlines()] == ["anna"]
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(
     ("words", "password", "message"),
     [

@@ -46,8 +46,9 @@ def filled(site: Site, stations: Stations, north: Station, south: Station) -> No
     until(lambda: all(point["at"] for point in client.get("/api/points")), "all points are known")
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def operator(site: Site) -> Client:
+    """One session: a log-in costs the centre 50 ms of a processor."""
     return site.client("olga")
 
 
@@ -477,6 +478,7 @@ def told(client: Client, port: int, view: str) -> dict[str, list[Any]]:
     return {kind: said[kind] for kind in ("stations", "points", "alarms", "commands")}
 
 
+@pytest.mark.slow
 def test_page_is_told_what_its_view_shows_and_only_what_changes(
     site: Site, stations: Stations, north: Station
 ) -> None:

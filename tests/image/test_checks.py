@@ -226,6 +226,7 @@ FAULTS: list[tuple[str, Plant, str]] = [
 ]
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("number", range(len(FAULTS)), ids=lambda at: f"{FAULTS[at][0]}-{at}")
 def test_planted_fault_is_found(tree: Path, number: int) -> None:
     name, plant, expected = FAULTS[number]

@@ -345,6 +345,7 @@ def bare_tree(tmp_path_factory: pytest.TempPathFactory) -> Tree:
     return tree
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize(("words", "message"), WRONG)
 def test_what_cannot_be_used_is_said_before_anything_is_built(
     bare_tree: Tree, words: str, message: str

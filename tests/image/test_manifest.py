@@ -300,6 +300,7 @@ BROKEN: dict[str, tuple[Breaking, str]] = {
 }
 
 
+@pytest.mark.sample(7)
 @pytest.mark.parametrize("what", BROKEN)
 def test_broken_image_is_refused(output: Output, what: str, capsys: pytest.CaptureFixture[str]) -> None:
     breaking, reason = BROKEN[what]

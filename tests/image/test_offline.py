@@ -238,6 +238,7 @@ def toolchain(tmp_path_factory: pytest.TempPathFactory, armel: Path) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_toolchain_is_one_that_buildroot_takes(toolchain: Path) -> None:
     gcc = toolchain / "bin/arm-linux-gnueabi-gcc"
     said = subprocess.run([gcc, "-v"], capture_output=True, text=True, check=True).stderr

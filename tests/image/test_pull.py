@@ -231,6 +231,7 @@ def test_server_that_is_not_ours(what: str, board: Board, server: UpdateServer, 
         assert not server.seen
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(
     "elsewhere", ["https://127.0.0.1:1", "http://127.0.0.1", "file:///etc/passwd?", "-o/x"]
 )
@@ -243,6 +244,7 @@ def test_links_elsewhere_are_not_followed(elsewhere: str, board: Board, server: 
     assert not board.installed
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     "answer",
     [

@@ -87,11 +87,13 @@ def test_kernel_without_room(signer: Signer) -> None:
         update_file(bytes(PLACES["a"].kernel.room + 1), TREE, "1.2.3", "station-7", signer)
 
 
+@pytest.mark.slow
 def test_certificate_for_something_else(tmp_path: Path) -> None:
     with pytest.raises(UnusableInput, match="not for signing code"):
         update_file(KERNEL, TREE, "1.2.3", "station-7", make_signer(tmp_path, "serverAuth"))
 
 
+@pytest.mark.slow
 def test_key_of_another_certificate(tmp_path: Path, signer: Signer) -> None:
     other = make_signer(tmp_path)
     with pytest.raises(UnusableInput, match="openssl cannot use"):

@@ -232,6 +232,7 @@ def cuts() -> Iterator[bytes]:
                 yield NEWER + words[:kept] + glitch
 
 
+@pytest.mark.sample(7)
 @pytest.mark.parametrize("size", [1, 4096])
 @pytest.mark.parametrize("first", FIRST_WORDS.values(), ids=FIRST_WORDS)
 def test_cut_line_is_no_failure(first: bytes, size: int) -> None:
@@ -239,6 +240,7 @@ def test_cut_line_is_no_failure(first: bytes, size: int) -> None:
         assert "login: " in watched(printed + first + b"gateway login: ", size)[-1], printed
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("size", [1, 4096])
 def test_panic_behind_a_cut_line_is_a_panic(size: int) -> None:
     for printed in cuts():

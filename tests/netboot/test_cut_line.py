@@ -32,6 +32,7 @@ def started(board: Double) -> None:
         WatchLinux(GOAL).run(session)
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("cuts", range(LAST_WORDS + 1))
 def test_double_that_cuts(cuts: int, monkeypatch: pytest.MonkeyPatch) -> None:
     hurry(monkeypatch, 5.0)

@@ -181,6 +181,7 @@ def test_board_as_it_is(name: str, tmp_path: Path) -> None:
     assert found(read(tmp_path, text), board) == []
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("mistake", MISTAKES, ids=lambda mistake: mistake.id)
 def test_mistake(mistake: Mistake, tmp_path: Path) -> None:
     text, board = BOARDS[mistake.id[0]]

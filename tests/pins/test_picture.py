@@ -217,6 +217,7 @@ def boxes(svg: ElementTree.Element) -> list[Box]:
     return found
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("uses", USES)
 def test_no_text_lies_on_another_or_outside(package: str, uses: str) -> None:
     svg = drawn(package, USES[uses], "A board with a rather long name that somebody gave it " * 3)

@@ -190,6 +190,7 @@ QUIET = {
 }
 
 
+@pytest.mark.sample(5)
 @pytest.mark.parametrize("more", QUIET.values(), ids=QUIET)
 def test_no_mistake(more: str, tmp_path: Path) -> None:
     findings = check(read(tmp_path, board({}, more)), CHIP)

@@ -326,6 +326,7 @@ CASES = [
 ]
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.id)
 def test_vendor_finding(case: Case, tmp_path: Path) -> None:
     tree = read(tmp_path, case.good + case.more)
