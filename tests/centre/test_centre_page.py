@@ -466,6 +466,64 @@ def test_alarm_is_acknowledged_by_two_at_once(
     expect(row).to_have_count(0)
 
 
+def test_point_is_found_and_its_last_hour_is_a_chart_and_a_file(
+    page: Page, stations: Stations, north: Station
+) -> None:
+    stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 1.25))
+    view(page, "points")
+    page.locator(".side .list button", has_text="north").click()
+    page.locator("#search").fill("level")
+    rows = page.locator("tbody tr:not(.device)")
+    expect(rows).to_have_count(1)
+    rows.locator("button.link").click()
+    expect(page.locator(".chart canvas")).to_be_visible()
+    expect(page.locator(".chart .u-legend")).to_contain_text("level")
+    with page.expect_download() as download:
+        page.get_by_role("link", name="CSV").click()
+    assert re.search(r"\b1\.25\b", download.value.path().read_text())
+
+
+def test_map_follows_the_chosen_vehicle(page: Page, stations: Stations, north: Station) -> None:
+    view(page, "map")
+    page.locator(".side .list button", has_text="north").first.click()
+    page.get_by_role("button", name="Follow").click()
+
+    def is_in_the_middle() -> bool:
+        stations.say(north, 1, POSITION, position(now_ms(), BELGRADE[0] + 0.2, BELGRADE[1], 117))
+        longitude, latitude = page.evaluate("openrtuMap.getCenter().toArray()")
+        return abs(longitude - BELGRADE[1]) < 1e-4 and abs(latitude - BELGRADE[0] - 0.2) < 1e-4
+
+    until(is_in_the_middle, "the map where the vehicle is now")
+    stations.say(north, 1, POSITION, position(now_ms(), *BELGRADE, 117))
+
+
+# Each tone that the page begins.
+TONES = """() => {
+  window.tones = 0;
+  const start = OscillatorNode.prototype.start;
+  OscillatorNode.prototype.start = function (...when) { window.tones += 1; return start.apply(this, when); };
+}"""
+
+
+def test_alarm_sounds_and_is_shelved(page: Page, stations: Stations, north: Station) -> None:
+    view(page, "alarms")
+    page.evaluate(TONES)
+    page.get_by_role("button", name="Sound").click()
+    heard = page.evaluate("tones")
+    assert heard
+    row = page.locator("tr", has_text="level is too high")
+    stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 9))
+    expect(row).to_be_visible()
+    until(lambda: page.evaluate("tones") > heard, "a tone of the alarm")
+    row.get_by_role("button", name="Shelve").click()
+    expect(row).to_have_count(0)
+    page.get_by_role("button", name="Shelved (1)").click()
+    row.get_by_role("button", name="Unshelve").click()
+    row.get_by_role("button", name="Acknowledge").click()
+    stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 1))
+    expect(row).to_have_count(0)
+
+
 def test_lost_connection_is_shown_and_comes_back(
     page: Page, site: Site, stations: Stations, north: Station
 ) -> None:
