@@ -85,7 +85,7 @@ def _counter(octets: bytes) -> str:
     return _joined(reading, f"sq {sequence & 31}", *words)
 
 
-# By part: its octets, and how they are told.
+# By part: how many octets it has, and what makes a text of them.
 PARTS: dict[str, tuple[int, Callable[[bytes], str]]] = {
     "SIQ": (1, lambda octets: _joined(octets[0] & 1, _quality(octets[0] & 0xF0))),
     "DIQ": (1, lambda octets: _joined(octets[0] & 3, _quality(octets[0] & 0xF0))),
@@ -169,8 +169,8 @@ def _objects(type_: int, count: int, octets: bytes) -> Iterator[tuple[int, str]]
         if type_ not in ELEMENTS or len(octets) < size:
             yield ioa, octets.hex(" ")
             return
-        told = []
-        for length, tell in parts:
-            told.append(tell(octets[:length]))
+        texts = []
+        for length, text_of in parts:
+            texts.append(text_of(octets[:length]))
             octets = octets[length:]
-        yield ioa, " ".join(filter(None, told))
+        yield ioa, " ".join(filter(None, texts))

@@ -132,14 +132,14 @@ class Bus:
             while True:
                 await self.something.wait()
                 self.something.clear()
-                for told in self._messages():
-                    await self._tell(*told)
+                for message in self._messages():
+                    await self._publish(*message)
         finally:
             self.centre.watchers.discard(self)
             await asyncio.to_thread(self._leave)
 
     def _leave(self) -> None:
-        """A disconnection that is asked for raises no last will: so it is said."""
+        """A disconnection that is asked for raises no last will, so the broker is told here."""
         if self.born:
             last = self.client.publish(self.topic("centre"), OFFLINE, LEAST_ONCE, retain=True)
             with suppress(ValueError, RuntimeError):  # the connection has ended meanwhile
@@ -176,7 +176,7 @@ class Bus:
         points = [self.centre.model.points[point].listed() for point in sorted(self.points_of[id_])]
         return {"online": True, "since": station.since_ns // NS_PER_MS, "points": points}
 
-    async def _tell(self, topic: str, content: Json | None, keep: bool) -> None:
+    async def _publish(self, topic: str, content: Json | None, keep: bool) -> None:
         """Waits while too much is not confirmed: meanwhile values change, and the last one counts."""
         while len(self._sent) >= AT_ONCE:
             while self._sent and self._sent[0].is_published():
@@ -278,7 +278,7 @@ class Bus:
                 answer = {"command": (await self.centre.command(USER, self._point(request), float(value))).id}
         except CentreError as error:
             answer = {"code": error.code if isinstance(error, RefusedError) else "store", "error": str(error)}
-        await self._tell(self.topic("answer"), {"id": asked, **answer}, False)
+        await self._publish(self.topic("answer"), {"id": asked, **answer}, False)
 
     async def _follow(self, id_: Any, execute: bool) -> None:
         """Only its own: it is no second person for those of others."""

@@ -113,7 +113,7 @@ class Centre:
         changed = fault != self.fault
         self.fault = fault
         if changed:
-            self._tell()
+            self._notify()
 
     async def _store(self, work: Callable[[Database], None]) -> None:
         """Until it is stored: what is not acknowledged the stations keep."""
@@ -129,7 +129,7 @@ class Centre:
                 self._say("")
                 return
 
-    def _tell(self) -> None:
+    def _notify(self) -> None:
         """The state of the centre itself has changed."""
         for watcher in self.watchers:
             watcher.changed(Changes(), set())
@@ -183,7 +183,7 @@ class Centre:
             await loop.sock_connect(connection, str(path))
             log.info("rtu-centre at %s is connected", path)
             self._sockets[shard] = connection
-            self._tell()
+            self._notify()
             try:
                 while octets := await loop.sock_recv(connection, records.PACKET_MAX):
                     sequence, batch = records.read_batch(octets)
@@ -199,7 +199,7 @@ class Centre:
                     id_: trace for id_, trace in self.traces.items() if not polled(self.model.stations[id_])
                 }
                 await self._store(lambda database: self.intake.stranded(database, polled))
-                self._tell()
+                self._notify()
         raise CentreError("it has ended, or has another consumer")
 
     @staticmethod

@@ -282,14 +282,14 @@ class Intake:
             point = self.changes.points.get(row.point) or self.model.points[row.point]
             changed = (row.value, row.quality) != (point.value, point.quality) or not point.at_ns
             if _is_tagged_event(row):
-                told = next(is_new)
+                counts = next(is_new)
             elif row.tagged and changed:
-                [told] = database.insert_events([row])
+                [counts] = database.insert_events([row])
             else:
-                told = True
+                counts = True
                 if changed or row.cause in EVENTS:
                     without_tag.append(row)
-            if told:
+            if counts:
                 self._value(database, point, record, row)
         database.insert("history", EventRow._fields, without_tag)
 

@@ -80,7 +80,7 @@ class Point:
         return self.content == Content.POSITION
 
     def view(self) -> Json:
-        return {"station": self.station, **self.listed(), **self.told()}
+        return {"station": self.station, **self.listed(), **self.as_received()}
 
     def listed(self) -> Json:
         """What it is, whatever it says."""
@@ -100,7 +100,7 @@ class Point:
 
     def news(self) -> Json:
         """What changes with a record; all else is of the list of points."""
-        said: Json = {
+        changes: Json = {
             "id": self.id,
             "content": self._content(),
             "value": self.value,
@@ -109,21 +109,21 @@ class Point:
             "tagged": bool(self.tagged),
         }
         if self.is_position:
-            said |= {
+            changes |= {
                 "latitude": (self.latitude or 0) / 1e7,
                 "longitude": (self.longitude or 0) / 1e7,
                 "altitude": (self.altitude or 0) / 10,
                 "fix": self.detail & 15,
                 "satellites": self.detail >> 4,
             }
-        return said
+        return changes
 
     def _content(self) -> int | None:
-        """What its list says of one that was never told; only a position that was is somewhere."""
+        """What its list says of one that has no value yet; only a position that was is somewhere."""
         listed = None if self.meaning.content == Content.POSITION else self.meaning.content
         return listed if self.content is None else self.content
 
-    def told(self) -> Json:
+    def as_received(self) -> Json:
         """With when it came, as a program wants to know that knows the link."""
         return {**self.news(), "received": milliseconds(self.received_ns)}
 

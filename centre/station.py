@@ -98,7 +98,7 @@ class Below:
                 for point in state["points"]:
                     places[point["id"]] = place = names[point["station"]], point["ca"], point["ioa"]
                     self.ids[place] = point["id"]
-                told = [
+                values = [
                     (places[value["id"]], value)
                     for value in state["points"] + state["values"]
                     if value["received"]
@@ -106,7 +106,7 @@ class Below:
                 links = [
                     (each["name"], each["link"] == Link.UP, each["since"] or 0) for each in state["stations"]
                 ]
-                self.news.append((told, links, state["collects"], ""))
+                self.news.append((values, links, state["collects"], ""))
 
     # ---- commands ------------------------------------------------------------------------------
 
@@ -223,8 +223,8 @@ class Points:
                 else:
                     request.refuse(result)
 
-    def _take(self, told: list[tuple[Place, Json]], links: list[Linked], collects: bool, lost: str) -> None:
-        """A value counts if it was told since the station's link is up; until then it is an old one."""
+    def _take(self, values: list[tuple[Place, Json]], links: list[Linked], collects: bool, lost: str) -> None:
+        """A value counts if it came since the station's link is up; until then it is an old one."""
         if lost:
             self.module.log(f"the centre: {lost}; its points are invalid", Level.WARNING)
         before = dict(self.up)
@@ -234,7 +234,7 @@ class Points:
         if not collects:
             self.up = dict.fromkeys(self.up, False)
         fallen = {name for name, was_up in before.items() if was_up and not self.up[name]}
-        for place, value in told:
+        for place, value in values:
             if place in self.names:
                 began = (since if place[0] in fallen else self.since).get(place[0], 0)
                 counts = (self.up.get(place[0], False) or place[0] in fallen) and value["received"] >= began

@@ -19,7 +19,7 @@ MESSAGE_MOST = 4096  # a page says which view it shows, and nothing else
 VALUES_PERIOD_S = 0.1  # of a program that watches values
 VALUES_MOST = 20_000  # that wait for it
 VIEWS = ("map", "points", "alarms", "stations", "values")
-TOLD = ("stations", "points", "gone", "alarms", "commands", "values")
+LISTS = ("stations", "points", "gone", "alarms", "commands", "values")
 SEARCH_MOST = 64  # characters
 
 
@@ -34,12 +34,12 @@ class View:
     search: str = ""
 
     @classmethod
-    def read(cls, said: Any) -> View:
+    def read(cls, message: Any) -> View:
         """Raises ValueError."""
-        if not isinstance(said, dict) or said.get("view") not in VIEWS:
+        if not isinstance(message, dict) or message.get("view") not in VIEWS:
             raise ValueError(f"a view is one of {', '.join(VIEWS)}")
-        numbers = [said.get(key, 0) for key in ("station", "chosen")]
-        bounds, search = said.get("bounds"), said.get("search", "")
+        numbers = [message.get(key, 0) for key in ("station", "chosen")]
+        bounds, search = message.get("bounds"), message.get("search", "")
         if not all(isinstance(number, int) for number in numbers) or not isinstance(search, str):
             raise ValueError("station and chosen are numbers, search is a text")
         if bounds is not None and not (
@@ -49,7 +49,7 @@ class View:
         ):
             raise ValueError("bounds are south, west, north and east")
         where = None if bounds is None else tuple(map(float, bounds))
-        return cls(said["view"], numbers[0], where, numbers[1], search[:SEARCH_MOST].casefold())
+        return cls(message["view"], numbers[0], where, numbers[1], search[:SEARCH_MOST].casefold())
 
     def has(self, latitude: float, longitude: float) -> bool:
         """The map goes round: west may be less than -180, and east more than 180.
@@ -151,9 +151,9 @@ class Stream:
             self.values = []
             self.whole = self.looked = True
 
-    def look(self, said: Any) -> None:
+    def look(self, message: Any) -> None:
         """The page shows another view, and is told all of it once; or another part: what is new of it."""
-        view = View.read(said)
+        view = View.read(message)
         if (view.name, view.station) != (self.view.name, self.view.station):
             self.whole = True
         self.view = view
@@ -163,44 +163,44 @@ class Stream:
     def message(self) -> Json:
         """What the page does not know, whole; of what it knows, what changes; and what it shall forget."""
         model = self.centre.model
-        said: Json = self.centre.state()
+        message: Json = self.centre.state()
         known, waiting = self.shown, self.waiting
         if self.whole:
-            said["whole"] = True
+            message["whole"] = True
             for ids in known.values():
                 ids.clear()
-            said["alarms"] = [alarm.view() for alarm in model.alarms.values() if self.sees(alarm.station)]
-            said["commands"] = [
+            message["alarms"] = [alarm.view() for alarm in model.alarms.values() if self.sees(alarm.station)]
+            message["commands"] = [
                 command.view() for command in model.commands.values() if self.sees_point(command.point)
             ]
             self.values = []
         else:
-            said["alarms"] = list(self.alarms.values())
-            said["commands"] = list(self.commands.values())
+            message["alarms"] = list(self.alarms.values())
+            message["commands"] = list(self.commands.values())
         candidates = model.points if self.looked else waiting["points"]
         shown = {id_ for id_ in candidates if self.shows(model.points[id_])}
         gone = {id_ for id_ in candidates if id_ in known["points"]} - shown
         fresh = shown - known["points"]
-        said["points"] = [model.points[id_].view() for id_ in fresh]
-        said["points"] += [model.points[id_].news() for id_ in shown & known["points"] & waiting["points"]]
-        said["gone"] = list(gone)
+        message["points"] = [model.points[id_].view() for id_ in fresh]
+        message["points"] += [model.points[id_].news() for id_ in shown & known["points"] & waiting["points"]]
+        message["gone"] = list(gone)
         known["points"] = (known["points"] | fresh) - gone
         owners = {model.points[id_].station for id_ in fresh}
         stations = model.stations if self.looked else waiting["stations"] | owners
         concerned = owners | known["stations"]
-        told = {id_ for id_ in stations if self.shows_station(model.stations[id_], concerned)}
-        told = {id_ for id_ in told if id_ not in known["stations"] or id_ in waiting["stations"]}
-        said["stations"] = [model.stations[id_].view() for id_ in told]
-        known["stations"] |= told
+        visible = {id_ for id_ in stations if self.shows_station(model.stations[id_], concerned)}
+        changed = {id_ for id_ in visible if id_ not in known["stations"] or id_ in waiting["stations"]}
+        message["stations"] = [model.stations[id_].view() for id_ in changed]
+        known["stations"] |= changed
         if self.looked and self.view.name == "map":
-            said |= self._extent()
+            message |= self._extent()
         self.whole = self.looked = False
         if self.view.name == "values":
-            said["values"] = [point.told() for point in self.values if point.id not in fresh]
+            message["values"] = [point.as_received() for point in self.values if point.id not in fresh]
             self.values = []
         self.alarms, self.commands = {}, {}
         self.waiting = {kind: set() for kind in waiting}
-        return said
+        return message
 
     def _extent(self) -> Json:
         """How many have a place, and where all of them are: south, west, north, east."""
@@ -246,9 +246,13 @@ class Stream:
             if not await still_allowed():
                 await self.socket.close(code=4401)
                 return
-            said = self.message()
-            state = said["collects"], said["fault"]
-            if state != before or said.keys() & {"whole", "extent"} or any(said.get(kind) for kind in TOLD):
-                await self.socket.send_json(said)
+            message = self.message()
+            state = message["collects"], message["fault"]
+            if (
+                state != before
+                or message.keys() & {"whole", "extent"}
+                or any(message.get(kind) for kind in LISTS)
+            ):
+                await self.socket.send_json(message)
             before = state
             await asyncio.sleep(VALUES_PERIOD_S if self.view.name == "values" else PERIOD_S)

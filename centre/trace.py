@@ -45,10 +45,10 @@ class Trace:
             self._add(record, sent, vars(decode(apdu)) | {"octets": apdu.hex(" ")})
         self.rest[key] = stream
 
-    def _add(self, record: Record, sent: bool, said: Json) -> None:
+    def _add(self, record: Record, sent: bool, content: Json) -> None:
         self.count += 1
         head = {"number": self.count, "at": record.received_ns // NS_PER_MS, "connection": record.connection}
-        self.frames.append({**head, "sent": sent, **said})
+        self.frames.append({**head, "sent": sent, **content})
 
     def after(self, number: int) -> list[Json]:
         self.asked_s = time.monotonic()

@@ -398,8 +398,8 @@ class Taker:
         if element.get("rptID"):
             one["id"] = element.get("rptID")
         for key, part, words in (("triggers", "TrgOps", TRIGGERS), ("options", "OptFields", OPTIONS)):
-            said = one_of(element, part)
-            given = {} if said is None else said.attrib
+            present = one_of(element, part)
+            given = {} if present is None else present.attrib
             one[key] = [
                 word
                 for word in words
@@ -438,9 +438,9 @@ class Taker:
             one["vlan"] = int(parts["VLAN-ID"], 16)
             one["vlan_priority"] = int(parts.get("VLAN-PRIORITY", "4"))
         for key, tag in (("min_ms", "MinTime"), ("max_ms", "MaxTime")):
-            said = one_of(holder, tag)
-            if said is not None:
-                one[key] = int(said.text or "0")
+            limit = one_of(holder, tag)
+            if limit is not None:
+                one[key] = int(limit.text or "0")
         quality = any(attribute == "q" for _, attribute in members)
         time = any(attribute == "t" for _, attribute in members)
         one["quality"], one["time"] = quality, time

@@ -14,10 +14,10 @@ LIMIT_S = 60.0  # for a hang only
 class AnswerError(AssertionError):
     """The centre refused."""
 
-    def __init__(self, status: int, said: Any) -> None:
-        super().__init__(f"{status}: {said}")
+    def __init__(self, status: int, answer: Any) -> None:
+        super().__init__(f"{status}: {answer}")
         self.status = status
-        self.code = said.get("code") if isinstance(said, dict) else None
+        self.code = answer.get("code") if isinstance(answer, dict) else None
 
 
 class Client:
@@ -44,9 +44,9 @@ class Client:
             )
         else:
             connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=LIMIT_S)
-        said = {"Content-Type": "application/json"} if method != "GET" else {}
+        media = {"Content-Type": "application/json"} if method != "GET" else {}
         content = json.dumps(body or {}) if method != "GET" else None
-        connection.request(method, path, content, {**said, **self.headers, **headers})
+        connection.request(method, path, content, {**media, **self.headers, **headers})
         response = connection.getresponse()
         octets = response.read()
         connection.close()

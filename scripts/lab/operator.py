@@ -128,8 +128,8 @@ def operate(port: int, reference: str, value: str, *actions: str) -> dict[str, A
     run = subprocess.run(command, env=paths, capture_output=True, text=True, timeout=120, check=False)
     if run.returncode != 0:
         raise OperatorError(f"libiec61850's client: {run.stderr.strip() or run.stdout.strip()}")
-    said: dict[str, Any] = json.loads(run.stdout)
-    return said
+    outcomes: dict[str, Any] = json.loads(run.stdout)
+    return outcomes
 
 
 def wait(condition: Callable[[], bool]) -> None:
@@ -151,22 +151,22 @@ def main() -> None:
     subscriber.setEventHandler(handler.__disown__())
     subscriber.subscribe()
     value = value_of(text, lib.ControlObjectClient_getCtlValType(control))
-    said: dict[str, Any] = {"model": model}
+    outcomes: dict[str, Any] = {"model": model}
     reports = None
     for action in actions:
         if action == "browse":
-            said[action] = browsed(connection)
+            outcomes[action] = browsed(connection)
         elif action == "report":
             reports = Reports(connection, reference.partition("/")[0])
         else:
-            said[action] = outcome(control, act(control, action, value))
-    if said.get("operate", {}).get("done"):
+            outcomes[action] = outcome(control, act(control, action, value))
+    if outcomes.get("operate", {}).get("done"):
         if model in (lib.CONTROL_MODEL_DIRECT_ENHANCED, lib.CONTROL_MODEL_SBO_ENHANCED):
             wait(lambda: bool(handler.seen))
         if reports:
             wait(lambda: bool(reports.changed()))
-            said["report"] = reports.changed()
-    print(json.dumps(said | {"terminations": handler.seen}), flush=True)
+            outcomes["report"] = reports.changed()
+    print(json.dumps(outcomes | {"terminations": handler.seen}), flush=True)
     lib.IedConnection_close(connection)
 
 

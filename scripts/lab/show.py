@@ -535,18 +535,18 @@ def position(desk: Desk) -> None:
 def operated_by_iec61850(desk: ServedDesk) -> None:
     """IEC 61850: a client browses, a breaker is operated (SBO, enhanced security), a report tells it"""
     since = desk.master.mark()
-    said = operator.operate(desk.iec61850, SWITCH, "false", "browse", "report", "select", "operate")
-    devices = said["browse"]
+    outcomes = operator.operate(desk.iec61850, SWITCH, "false", "browse", "report", "select", "operate")
+    devices = outcomes["browse"]
     check(len(devices) > 1, f"it sees the logical devices {devices}")
     say(f"     libiec61850  {len(devices)} logical devices, {sum(devices.values())} logical nodes")
-    check(said["model"] == SBO_ENHANCED, f"ctlModel is {said['model']}")
+    check(outcomes["model"] == SBO_ENHANCED, f"ctlModel is {outcomes['model']}")
     for service, words in (("select", "SBOw"), ("operate", "Oper, confirmed by the device")):
-        check(said[service]["done"], f"{service} was refused: {said[service]}")
+        check(outcomes[service]["done"], f"{service} was refused: {outcomes[service]}")
         say(f"     libiec61850  {SWITCH}: {words}")
-    check([each["cause"] for each in said["terminations"]] == [0], "no positive CommandTermination")
+    check([each["cause"] for each in outcomes["terminations"]] == [0], "no positive CommandTermination")
     say("     libiec61850  CommandTermination, behind the value that was read back")
-    check(said["report"] != [], "no report has told it")
-    say(f"     libiec61850  report of urcbStatus01, data change: {said['report'][0]}")
+    check(outcomes["report"] != [], "no report has told it")
+    say(f"     libiec61850  report of urcbStatus01, data change: {outcomes['report'][0]}")
     event(desk.master.wait(lambda r: (r.ca, r.ioa) == (1010, 1), since, DEADLINE_S))
 
 

@@ -516,12 +516,12 @@ class Compiler(Declarations):
                 raise SourceError(argument.place, "a message has no DATE_AND_TIME; the log has the time")
             values.append(value)
         pieces = text.text.split("{}")
-        said = pieces[0] + "".join(
+        placed = pieces[0] + "".join(
             self.placed(value) + piece for value, piece in zip(values, pieces[1:], strict=True)
         )
-        slots = self.said(values)
+        slots = self.copies(values)
         first = slots[0] if slots else self.body.doubt
-        self.body.emit("MESSAGE", "BOOL", said, first, len(slots))
+        self.body.emit("MESSAGE", "BOOL", placed, first, len(slots))
 
     def served_point(self, call: Call, instance: Instance, arguments: list[Argument]) -> Point:
         block = instance.unit.name

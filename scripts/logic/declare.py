@@ -213,8 +213,8 @@ class Declarations(Texts):
         elif isinstance(kind, Structure):
             given = [self.members_of(kind, one) for one in initials]
             for name, member in kind.members.items():
-                said = tuple(one[name] for one in given if name in one)
-                self.fill(values, member, said + kind.defaults[name], f"{path}.{name}", at)
+                overriding = tuple(one[name] for one in given if name in one)
+                self.fill(values, member, overriding + kind.defaults[name], f"{path}.{name}", at)
         elif isinstance(kind, BlockOf):
             if initials:
                 raise SourceError(initials[0].place, f"{kind.name} is a block, and has no initial value")

@@ -153,8 +153,8 @@ class Desk:
     def _messages(self) -> tuple[tuple[int, str], ...]:
         if not self._says:
             return ()
-        *said, _ = self._ask("said").split()
-        pairs = (word.split(":") for word in said)
+        *words, _ = self._ask("said").split()
+        pairs = (word.split(":") for word in words)
         return tuple((int(line), bytes.fromhex(text).decode(errors="replace")) for line, text in pairs)
 
     def reload(self, program: Program) -> int:

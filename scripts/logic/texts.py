@@ -149,7 +149,7 @@ class Texts(Values):
         """What compares as they do."""
         return self.counted("COMPARE", left, right), self.literal("INT", 0)
 
-    def said(self, values: Sequence[Slot | String | Literal]) -> list[Slot]:
+    def copies(self, values: Sequence[Slot | String | Literal]) -> list[Slot]:
         """Copies of a message's values, one behind the other, which nothing else writes."""
         slots: list[Slot] = []
         for value in values:

@@ -22,6 +22,7 @@ pytestmark = pytest.mark.slow
 PAGE = Path(__file__).resolve().parents[2] / "build" / "centre" / "page"
 EVIL = "<img src=x onerror=alert(1)>"
 BELGRADE = (44.8125, 20.4612)
+INVALID = 128  # of a quality
 ANSWER_MS = 60_000  # rtu-centre waits 10 s for an answer
 expect.set_options(timeout=LIMIT_MS)
 
@@ -170,15 +171,19 @@ def open_map(page: Page) -> None:
     page.evaluate("document.querySelector('.legend').remove()")
 
 
+def green_is_at_belgrade(page: Page) -> bool:
+    middle = green_middle(page)
+    wanted = page.evaluate(f"openrtuMap.project([{BELGRADE[1]}, {BELGRADE[0]}])")
+    return middle["count"] > 50 and all(abs(middle[axis] - wanted[axis]) <= 1 for axis in "xy")
+
+
 def marker_is_seen(page: Page, stations: Stations, north: Station) -> None:
     """Within a pixel of its place, once it is all drawn."""
 
     def is_there() -> bool:
         stations.say(north, 1, POSITION, position(now_ms(), *BELGRADE, 117))
         look_at(page, 20.4, 44.8, 10)
-        middle = green_middle(page)
-        wanted = page.evaluate(f"openrtuMap.project([{BELGRADE[1]}, {BELGRADE[0]}])")
-        return middle["count"] > 50 and all(abs(middle[axis] - wanted[axis]) <= 1 for axis in "xy")
+        return green_is_at_belgrade(page)
 
     until(is_there, "a green marker at its place")
 
@@ -232,14 +237,14 @@ def test_marker_has_a_text_and_is_chosen_by_a_pointer(page: Page, stations: Stat
 
 
 # They stay when the centre tells all that a moved map shows, which is without them.
-MANY = """async () => {
+MANY = """async (quality) => {
   const live = await import("./js/live.js");
   const add = () => {
     const station = [...live.stations.keys()][0];
     for (let number = 0; number < 10000; number++) {
       const place = { latitude: 40 + (number % 100) / 10, longitude: 15 + Math.floor(number / 100) / 10 };
       const id = 1e6 + number;
-      live.points.set(id, { id, station, name: "", content: 100, at: live.now(), quality: 0, ...place });
+      live.points.set(id, { id, station, name: "", content: 100, at: live.now(), quality, ...place });
     }
   };
   add();
@@ -247,6 +252,7 @@ MANY = """async () => {
 }"""
 # A map whose style comes anew is without the layer until it is dressed again.
 DRAWN = "openrtuMap.getLayer('marks')?.implementation.places.length"
+MOVED_SHEET = "openrtuMap.getLayer('marks')?.implementation.shift?.some(Boolean)"
 # Whether a pointer at its place finds it.
 AT = """(number) => {
   const marks = openrtuMap.getLayer("marks")?.implementation;
@@ -261,14 +267,37 @@ def look_at(page: Page, longitude: float, latitude: float, zoom: int) -> None:
     page.wait_for_timeout(500)  # it is drawn meanwhile, or at the next look
 
 
+def show_many(page: Page, quality: int) -> None:
+    page.evaluate(MANY, quality)
+    until(lambda: (page.evaluate(DRAWN) or 0) >= 10_000, "all are drawn")
+
+
+def test_marker_stays_at_its_place_while_ten_thousand_are_dragged(
+    page: Page, stations: Stations, north: Station
+) -> None:
+    """It is the only good one among them."""
+    open_map(page)
+    show_many(page, quality=INVALID)
+    marker_is_seen(page, stations, north)
+    canvas = page.locator(".maplibregl-canvas").bounding_box()
+    assert canvas
+    page.mouse.move(canvas["x"] + 300, canvas["y"] + 200)
+    page.mouse.down()
+    for x, y in ((340, 215), (397, 231), (330, 283)):
+        page.mouse.move(canvas["x"] + x, canvas["y"] + y, steps=4)
+        until(lambda: page.evaluate(MOVED_SHEET), "the sheet of all, moved")
+        until(lambda: green_is_at_belgrade(page), "the good one at its place")
+    page.mouse.up()
+    marker_is_seen(page, stations, north)
+
+
 def test_ten_thousand_markers_have_texts_where_these_can_be_read(page: Page) -> None:
     def texts(longitude: float, latitude: float, zoom: int) -> list[str]:
         look_at(page, longitude, latitude, zoom)
         return page.evaluate(LABELS)
 
     open_map(page)
-    page.evaluate(MANY)
-    until(lambda: (page.evaluate(DRAWN) or 0) >= 10_000, "all are drawn")
+    show_many(page, quality=0)
     until(lambda: texts(20, 45, 5) == [], "no text can be read")
     for number in (0, 99, 4321, 9999):
         until(lambda number=number: page.evaluate(AT, number), f"a pointer finds number {number}")
@@ -433,6 +462,64 @@ def test_alarm_is_acknowledged_by_two_at_once(
     row.get_by_role("button", name="Acknowledge").click()
     expect(page.locator(".error")).to_contain_text("was first")
     expect(row).to_contain_text("omar")
+    stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 1))
+    expect(row).to_have_count(0)
+
+
+def test_point_is_found_and_its_last_hour_is_a_chart_and_a_file(
+    page: Page, stations: Stations, north: Station
+) -> None:
+    stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 1.25))
+    view(page, "points")
+    page.locator(".side .list button", has_text="north").click()
+    page.locator("#search").fill("level")
+    rows = page.locator("tbody tr:not(.device)")
+    expect(rows).to_have_count(1)
+    rows.locator("button.link").click()
+    expect(page.locator(".chart canvas")).to_be_visible()
+    expect(page.locator(".chart .u-legend")).to_contain_text("level")
+    with page.expect_download() as download:
+        page.get_by_role("link", name="CSV").click()
+    assert re.search(r"\b1\.25\b", download.value.path().read_text())
+
+
+def test_map_follows_the_chosen_vehicle(page: Page, stations: Stations, north: Station) -> None:
+    view(page, "map")
+    page.locator(".side .list button", has_text="north").first.click()
+    page.get_by_role("button", name="Follow").click()
+
+    def is_in_the_middle() -> bool:
+        stations.say(north, 1, POSITION, position(now_ms(), BELGRADE[0] + 0.2, BELGRADE[1], 117))
+        longitude, latitude = page.evaluate("openrtuMap.getCenter().toArray()")
+        return abs(longitude - BELGRADE[1]) < 1e-4 and abs(latitude - BELGRADE[0] - 0.2) < 1e-4
+
+    until(is_in_the_middle, "the map where the vehicle is now")
+    stations.say(north, 1, POSITION, position(now_ms(), *BELGRADE, 117))
+
+
+# Each tone that the page begins.
+TONES = """() => {
+  window.tones = 0;
+  const start = OscillatorNode.prototype.start;
+  OscillatorNode.prototype.start = function (...when) { window.tones += 1; return start.apply(this, when); };
+}"""
+
+
+def test_alarm_sounds_and_is_shelved(page: Page, stations: Stations, north: Station) -> None:
+    view(page, "alarms")
+    page.evaluate(TONES)
+    page.get_by_role("button", name="Sound").click()
+    heard = page.evaluate("tones")
+    assert heard
+    row = page.locator("tr", has_text="level is too high")
+    stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 9))
+    expect(row).to_be_visible()
+    until(lambda: page.evaluate("tones") > heard, "a tone of the alarm")
+    row.get_by_role("button", name="Shelve").click()
+    expect(row).to_have_count(0)
+    page.get_by_role("button", name="Shelved (1)").click()
+    row.get_by_role("button", name="Unshelve").click()
+    row.get_by_role("button", name="Acknowledge").click()
     stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 1))
     expect(row).to_have_count(0)
 

@@ -47,7 +47,7 @@ function beep() {
 function alarmTable(place) {
   const body = h("tbody");
   const none = h("div");
-  const said = h("p", { class: "error", role: "alert" });
+  const failure = h("p", { class: "error", role: "alert" });
   const shelvedButton = h("button", { class: "small", onclick: () => { withShelved = !withShelved; update(); } });
   const soundButton = h("button", { class: "small", onclick: () => { sound = !sound; if (sound) beep(); update(); } }, t("sound"));
   let withShelved = false;
@@ -55,15 +55,15 @@ function alarmTable(place) {
   const headings = ["priority", "since", "station", "what", "state", "by", ""];
   const table = h("table", {}, h("thead", {}, h("tr", {}, ...headings.map((key) => h("th", { class: key === "by" ? "clutter" : "" }, key ? t(key) : "")))), body);
   place.append(h("section", { class: "card" },
-    h("div", { class: "row" }, h("h2", { class: "grow" }, t("alarms")), said, shelvedButton, soundButton), h("div", { class: "scroll" }, table), none));
+    h("div", { class: "row" }, h("h2", { class: "grow" }, t("alarms")), failure, shelvedButton, soundButton), h("div", { class: "scroll" }, table), none));
 
   async function doing(path, body) {
-    setText(said, "");
+    setText(failure, "");
     try {
       await live.ask(path, body);
     } catch (refused) {
       const alarm = live.alarms.get(Number(path.split("/")[1]));
-      setText(said, refused.code === "acknowledged" ? t("acknowledged_first", { by: alarm?.by ?? "?" }) : t("failed", { error: refused.message }));
+      setText(failure, refused.code === "acknowledged" ? t("acknowledged_first", { by: alarm?.by ?? "?" }) : t("failed", { error: refused.message }));
     }
   }
 
@@ -146,10 +146,10 @@ function stationName(id) {
 // A command of somebody else that waits for this user.
 function toRelease(command) {
   if (command.state !== ACCEPTED || !command.release || command.user === live.session.user || !live.may("operator")) return [];
-  const said = h("span", { class: "error", role: "alert" });
-  const doing = (what) => live.ask(`commands/${command.id}/${what}`, {}).then(() => said.parentElement?.querySelectorAll("button").forEach((each) => each.remove()))
-    .catch((refused) => setText(said, t(refused.code) === refused.code ? refused.message : t(refused.code)));
-  return [h("button", { class: "small main", onclick: () => doing("execute") }, t("release")), h("button", { class: "small", onclick: () => doing("cancel") }, t("cancel")), said];
+  const failure = h("span", { class: "error", role: "alert" });
+  const doing = (what) => live.ask(`commands/${command.id}/${what}`, {}).then(() => failure.parentElement?.querySelectorAll("button").forEach((each) => each.remove()))
+    .catch((refused) => setText(failure, t(refused.code) === refused.code ? refused.message : t(refused.code)));
+  return [h("button", { class: "small main", onclick: () => doing("execute") }, t("release")), h("button", { class: "small", onclick: () => doing("cancel") }, t("cancel")), failure];
 }
 
 const TABS = {

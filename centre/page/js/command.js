@@ -78,9 +78,9 @@ export function commandDialogue(pointId) {
     busy = true;
     update();
     try {
-      const said = await live.ask(path, body);
-      took(said);
-      took(live.commands.get(said.id) ?? said); // the stream may have told its end before this answer came
+      const answer = await live.ask(path, body);
+      took(answer);
+      took(live.commands.get(answer.id) ?? answer); // the stream may have told its end before this answer came
     } catch (refused) {
       const more = t(refused.code) === refused.code ? refused.message : t(refused.code);
       end.replaceChildren(outcome({ kind: "bad", head: t("fate_not_sent"), more }));

@@ -17,20 +17,20 @@ let attempts = 0;
 let ended = () => {};
 
 export class Refused extends Error {
-  constructor(status, said) {
-    super(said.error);
+  constructor(status, answer) {
+    super(answer.error);
     this.status = status;
-    this.code = said.code;
+    this.code = answer.code;
   }
 }
 
 export async function ask(path, body, method = body === undefined ? "GET" : "POST") {
   const headers = method === "GET" ? {} : { "Content-Type": "application/json", "X-CSRF-Token": session.csrf };
   const response = await fetch(`api/${path}`, { method, headers, body: method === "GET" ? undefined : JSON.stringify(body ?? {}) });
-  const said = await response.json().catch(() => ({ code: "http", error: response.statusText }));
-  if (response.ok) return said;
+  const answer = await response.json().catch(() => ({ code: "http", error: response.statusText }));
+  if (response.ok) return answer;
   if (response.status === 401 && session.user) ended();
-  throw new Refused(response.status, said);
+  throw new Refused(response.status, answer);
 }
 
 export function now() {
@@ -48,27 +48,27 @@ export function watch(callback) {
   return () => changed.delete(callback);
 }
 
-function tell(said) {
-  for (const callback of changed) callback(said);
+function tell(change) {
+  for (const callback of changed) callback(change);
 }
 
 const NOTHING = { whole: false, stations: [], points: [], gone: [], alarms: [], commands: [] };
 
-function take(said) {
-  offset = said.now - Date.now();
-  Object.assign(centre, { connected: true, collects: said.collects, fault: said.fault });
-  if (said.whole) [stations, points, alarms, commands].forEach((table) => table.clear());
-  for (const station of said.stations) stations.set(station.id, station);
+function take(message) {
+  offset = message.now - Date.now();
+  Object.assign(centre, { connected: true, collects: message.collects, fault: message.fault });
+  if (message.whole) [stations, points, alarms, commands].forEach((table) => table.clear());
+  for (const station of message.stations) stations.set(station.id, station);
   // A point that is known is told by what changes of it.
-  for (const point of said.points) points.set(point.id, { ...points.get(point.id), ...point });
-  for (const id of said.gone) points.delete(id);
-  if (said.vehicles !== undefined) centre.vehicles = said.vehicles;
-  for (const command of said.commands) commands.set(command.id, command);
-  for (const alarm of said.alarms) {
+  for (const point of message.points) points.set(point.id, { ...points.get(point.id), ...point });
+  for (const id of message.gone) points.delete(id);
+  if (message.vehicles !== undefined) centre.vehicles = message.vehicles;
+  for (const command of message.commands) commands.set(command.id, command);
+  for (const alarm of message.alarms) {
     if (alarm.gone && alarm.acknowledged) alarms.delete(alarm.id);
     else alarms.set(alarm.id, alarm);
   }
-  tell({ ...NOTHING, ...said });
+  tell({ ...NOTHING, ...message });
 }
 
 function connect() {

@@ -255,11 +255,11 @@ export function showMap(main) {
         ...(place.point ? [h("div", { class: "row" }, follow, trackText), h("div", { class: "row" }, h("span", { class: "muted" }, t("export")), ...files)]
           : [h("a", { href: `#points/${place.id.slice(1)}` }, t("points_of", { station: place.name }))]));
     }
-    const said = [[t("quality"), () => state(place.kind, place.word), place.kind + place.word], [t("time"), time(place.at)],
+    const lines = [[t("quality"), () => state(place.kind, place.word), place.kind + place.word], [t("time"), time(place.at)],
       [t("age"), place.at ? age(clock() - place.at) : "–"], [t("latitude"), `${place.lngLat[1].toFixed(6)}°`], [t("longitude"), `${place.lngLat[0].toFixed(6)}°`]];
-    if (place.point && !replay.active) said.push([t("altitude"), `${place.point.altitude.toFixed(0)} m`], [t("satellites"), String(place.point.satellites)]);
-    while (facts.children.length > 2 * said.length) facts.lastChild.remove();
-    said.forEach(([name, value, key], number) => {
+    if (place.point && !replay.active) lines.push([t("altitude"), `${place.point.altitude.toFixed(0)} m`], [t("satellites"), String(place.point.satellites)]);
+    while (facts.children.length > 2 * lines.length) facts.lastChild.remove();
+    lines.forEach(([name, value, key], number) => {
       if (facts.children.length <= 2 * number) facts.append(h("dt"), h("dd"));
       setText(facts.children[2 * number], name);
       const cell = facts.children[2 * number + 1];
@@ -304,10 +304,10 @@ export function showMap(main) {
 
   const ordered = inOrder();
   let updated = 0;
-  function update(said) {
+  function update(change) {
     updated = performance.now();
     const all = found();
-    if (said?.extent && fits) fit(said.extent);
+    if (change?.extent && fits) fit(change.extent);
     draw(all);
     const words = search.value.toLocaleLowerCase();
     const fitting = words ? ordered(all).filter((place) => place.name.toLocaleLowerCase().includes(words)) : ordered(all);
@@ -336,15 +336,15 @@ export function showMap(main) {
   const tick = setInterval(() => { if (performance.now() - updated > TICK_MS / 2) update(); }, TICK_MS); // ages grow
   look();
   if (live.session.tiles) {
-    readTiles(maplibre).then((said) => {
+    readTiles(maplibre).then((tiles) => {
       if (gone) return;
-      own = said;
-      if (said.attribution) map.addControl(new maplibre.AttributionControl({ customAttribution: said.attribution, compact: false }), "bottom-right");
+      own = tiles;
+      if (tiles.attribution) map.addControl(new maplibre.AttributionControl({ customAttribution: tiles.attribution, compact: false }), "bottom-right");
       themed();
     }).catch((error) => console.warn(`map/own.pmtiles: ${error.message}`));
   }
-  live.ask("areas").then((said) => {
-    areas = said.features.map(areaFeature);
+  live.ask("areas").then((answer) => {
+    areas = answer.features.map(areaFeature);
     if (ready) map.getSource("areas").setData({ type: "FeatureCollection", features: areas });
   }).catch(() => {});
   return () => {

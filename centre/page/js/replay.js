@@ -37,12 +37,12 @@ export class Replay {
     this.slider = h("input", { type: "range", class: "grow", "aria-label": t("time"), oninput: () => this.go(Number(this.slider.value)) });
     this.play = h("button", { class: "small main", onclick: () => this.run(!this.timer) });
     this.speed = h("select", { "aria-label": t("speed") }, ...SPEEDS.map((speed) => h("option", { value: String(speed), selected: speed === 60 }, `× ${speed}`)));
-    this.said = h("span", { class: "clock" });
+    this.status = h("span", { class: "clock" });
     this.element = h("section", { class: "replay", hidden: true, "aria-label": t("replay") },
       h("div", { class: "row" }, h("strong", {}, t("replay")), this.from, "–", this.to,
         h("button", { class: "small", onclick: () => this.load() }, t("load")), h("span", { class: "grow" }),
         h("button", { class: "small", "aria-label": t("close"), onclick: () => this.close() }, "✕")),
-      h("div", { class: "row" }, this.play, this.slider, this.speed, this.said));
+      h("div", { class: "row" }, this.play, this.slider, this.speed, this.status));
   }
 
   open(point) {
@@ -65,17 +65,17 @@ export class Replay {
   async load() {
     this.run(false);
     const [begin, end] = [this.from, this.to].map((input) => new Date(input.value).getTime());
-    if (!(begin < end)) return setText(this.said, t("replay_order"));
+    if (!(begin < end)) return setText(this.status, t("replay_order"));
     const { vehicles } = live.centre;
-    if (vehicles > VEHICLES_MOST && !this.only) return setText(this.said, t("replay_many", { n: VEHICLES_MOST }));
+    if (vehicles > VEHICLES_MOST && !this.only) return setText(this.status, t("replay_many", { n: VEHICLES_MOST }));
     const step = Math.floor(Math.min((end - begin) / STEPS, live.session.gap_s * 500));
     const only = vehicles > VEHICLES_MOST ? `&point=${this.only}` : "";
-    setText(this.said, "…");
+    setText(this.status, "…");
     let ways;
     try {
       ways = await live.ask(`tracks?from=${begin}&to=${end}&step=${step}${only}`);
     } catch (error) {
-      return setText(this.said, t("failed", { error: error.message }));
+      return setText(this.status, t("failed", { error: error.message }));
     }
     if (this.element.hidden) return undefined;
     this.tracks.clear();
@@ -93,7 +93,7 @@ export class Replay {
     this.end = end;
     this.active = true;
     this.go(begin);
-    if (!this.tracks.size) setText(this.said, t("track_empty_span"));
+    if (!this.tracks.size) setText(this.status, t("track_empty_span"));
     return undefined;
   }
 
@@ -116,7 +116,7 @@ export class Replay {
   go(at) {
     this.at = at;
     this.slider.value = String(at);
-    setText(this.said, time(at, true));
+    setText(this.status, time(at, true));
     this.changed();
   }
 

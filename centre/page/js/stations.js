@@ -29,14 +29,14 @@ function reason(station) {
 export function showStations(main) {
   const body = h("tbody");
   const none = h("div");
-  const said = h("p", { class: "error", role: "alert" });
+  const failure = h("p", { class: "error", role: "alert" });
   const tracing = h("div");
   let endTrace = () => {};
   const search = h("input", { type: "search", placeholder: t("search"), "aria-label": t("search") });
   const headings = [["station"], ["group", "clutter"], ["link"], ["since"], ["reason", "clutter"], ["heard"], ["clock", "number clutter"], ["records", "number clutter"], ["sessions", "number clutter"], [""]];
   const table = h("table", {}, h("thead", {}, h("tr", {}, ...headings.map(([key, kind]) => h("th", { class: kind ?? "" }, key ? t(key) : "")))), body);
   main.append(h("div", { class: "page" }, h("section", { class: "card" },
-    h("div", { class: "row" }, h("h2", { class: "grow" }, t("stations")), said, search), h("div", { class: "scroll" }, table), none), tracing));
+    h("div", { class: "row" }, h("h2", { class: "grow" }, t("stations")), failure, search), h("div", { class: "scroll" }, table), none), tracing));
 
   function trace(id) {
     endTrace();
@@ -44,11 +44,11 @@ export function showStations(main) {
   }
 
   async function interrogate(id) {
-    setText(said, "");
+    setText(failure, "");
     try {
       await live.ask(`stations/${id}/interrogate`, {});
     } catch (refused) {
-      setText(said, t(refused.code) === refused.code ? refused.message : t(refused.code));
+      setText(failure, t(refused.code) === refused.code ? refused.message : t(refused.code));
     }
   }
 

@@ -16,12 +16,12 @@ export async function readTiles(maplibre) {
   const url = new URL("map/own.pmtiles", location.href.split("#")[0]).href;
   const file = new pmtiles.PMTiles(url);
   protocol.add(file);
-  const [header, said] = await Promise.all([file.getHeader(), file.getMetadata()]);
+  const [header, metadata] = await Promise.all([file.getHeader(), file.getMetadata()]);
   known = {
     source: { type: header.tileType === VECTOR ? "vector" : "raster", url: `pmtiles://${url}`, ...(header.tileType === VECTOR ? {} : { tileSize: 256 }) },
-    names: header.tileType === VECTOR ? (said.vector_layers ?? []).map((each) => each.id) : null,
+    names: header.tileType === VECTOR ? (metadata.vector_layers ?? []).map((each) => each.id) : null,
     // A text of a file of others may be markup, which the map would show as such.
-    attribution: String(said.attribution ?? "").replace(/<[^>]*>/g, "").replace(/[<>&]/g, " ").slice(0, 200),
+    attribution: String(metadata.attribution ?? "").replace(/<[^>]*>/g, "").replace(/[<>&]/g, " ").slice(0, 200),
   };
   return known;
 }

@@ -12,16 +12,16 @@ function clock(ms) {
 }
 
 function row(frame) {
-  const said = (frame.objects ?? []).map(([ioa, text]) => `${ioa}: ${text}`).join("\n");
+  const objects = (frame.objects ?? []).map(([ioa, text]) => `${ioa}: ${text}`).join("\n");
   return h("tr", { title: frame.octets ?? "" }, h("td", { class: "time" }, clock(frame.at)), h("td", {}, frame.sent ? "→" : "←"),
     h("td", {}, `${frame.kind} (${frame.what})`), h("td", {}, frame.type ?? ""), h("td", {}, frame.cause ?? ""),
-    h("td", { class: "number" }, frame.ca === null || frame.ca === undefined ? "" : String(frame.ca)), h("td", { class: "said" }, said));
+    h("td", { class: "number" }, frame.ca === null || frame.ca === undefined ? "" : String(frame.ca)), h("td", { class: "objects" }, objects));
 }
 
 // Below the stations, until it is closed. Returns what ends it.
 export function showTrace(place, station) {
   const body = h("tbody");
-  const said = h("p", { class: "error", role: "alert" });
+  const failure = h("p", { class: "error", role: "alert" });
   const headings = ["time", "", "frame", "type", "cause", "CA", "value"];
   let last = 0;
   let asks = true;
@@ -30,12 +30,12 @@ export function showTrace(place, station) {
     try {
       const frames = await live.ask(`stations/${station.id}/trace?after=${last}`);
       if (!asks) return;
-      setText(said, "");
+      setText(failure, "");
       last = frames.at(-1)?.number ?? last;
       body.prepend(...frames.map(row).reverse());
       while (body.childElementCount > FRAMES_MOST) body.lastElementChild.remove();
     } catch (refused) {
-      setText(said, t(refused.code) === refused.code ? refused.message : t(refused.code));
+      setText(failure, t(refused.code) === refused.code ? refused.message : t(refused.code));
       last = 0;
     }
   }
@@ -47,7 +47,7 @@ export function showTrace(place, station) {
     place.replaceChildren();
   }
   place.replaceChildren(h("section", { class: "card trace" },
-    h("div", { class: "row" }, h("h2", { class: "grow" }, `${t("trace")}: ${station.name}`), said, h("button", { class: "small", onclick: end }, t("close"))),
+    h("div", { class: "row" }, h("h2", { class: "grow" }, `${t("trace")}: ${station.name}`), failure, h("button", { class: "small", onclick: end }, t("close"))),
     h("div", { class: "scroll" }, h("table", {}, h("thead", {}, h("tr", {}, ...headings.map((key) => h("th", {}, key ? t(key) : "")))), body))));
   ask();
   return end;

@@ -45,24 +45,24 @@ function userDialogue(user, done) {
   off.box.disabled = myself;
   const own = password(true);
   own.required = true;
-  const said = h("p", { class: "error", role: "alert" });
+  const failure = h("p", { class: "error", role: "alert" });
   const dialog = h("dialog", { "aria-label": t(user ? "user_change" : "user_add") });
   const remove = h("button", { type: "button", hidden: !user || myself, onclick: () => send(`users/${encodeURIComponent(user.name)}/remove`, {}) }, t("remove"));
   const form = h("form", { method: "dialog" },
     h("div", { class: "body" }, h("h2", {}, t(user ? "user_change" : "user_add")), labelled("name", name), labelled("role_name", role), scope,
-      labelled(user ? "password_new" : "password", fresh), off.element, labelled("password_own", own), said),
+      labelled(user ? "password_new" : "password", fresh), off.element, labelled("password_own", own), failure),
     h("div", { class: "end" }, remove, h("span", { class: "grow" }),
       h("button", { type: "button", onclick: () => dialog.close() }, t("cancel")), h("button", { class: "main" }, t("save"))));
 
   async function send(path, body) {
-    setText(said, "");
+    setText(failure, "");
     if (!own.reportValidity()) return;
     try {
       await live.ask(path, { ...body, own_password: own.value });
       dialog.close();
       done();
     } catch (refused) {
-      setText(said, t(refused.code === "own_password" ? "own_wrong" : refused.code === "guesses" ? "login_wait" : "failed", { error: refused.message }));
+      setText(failure, t(refused.code === "own_password" ? "own_wrong" : refused.code === "guesses" ? "login_wait" : "failed", { error: refused.message }));
     }
   }
 
@@ -82,13 +82,13 @@ function userDialogue(user, done) {
 
 function userTable(place) {
   const body = h("tbody");
-  const said = h("p", { class: "error", role: "alert" });
+  const failure = h("p", { class: "error", role: "alert" });
   place.append(h("section", { class: "card" },
-    h("div", { class: "row" }, h("h2", { class: "grow" }, t("users")), said,
+    h("div", { class: "row" }, h("h2", { class: "grow" }, t("users")), failure,
       h("button", { class: "small main", onclick: () => userDialogue(null, show) }, t("user_add"))),
     h("div", { class: "scroll" }, h("table", {}, h("thead", {}, h("tr", {}, ...["name", "role_name", "scope", "state", ""].map((key) => h("th", {}, key ? t(key) : "")))), body))));
   async function show() {
-    const users = await live.ask("users").catch((error) => setText(said, t("failed", { error: error.message })));
+    const users = await live.ask("users").catch((error) => setText(failure, t("failed", { error: error.message })));
     body.replaceChildren(...(users ?? []).map((user) => h("tr", {}, h("td", {}, user.name), h("td", {}, t(user.role)),
       h("td", {}, user.groups.join(", ") || t("scope_all")), h("td", {}, user.disabled ? state("none", t("disabled")) : state("good", t("enabled"))),
       h("td", { class: "act" }, h("button", { class: "small", onclick: () => userDialogue(user, show) }, t("change"))))));

@@ -86,7 +86,7 @@ static bool take_publication(const struct iec61850_model *model, const struct go
 }
 
 static uint32_t take_publications(const struct iec61850_model *model,
-				  struct iec61850_scl_goose out[GOOSE_PUBLISHED_MAX], FILE *said)
+				  struct iec61850_scl_goose out[GOOSE_PUBLISHED_MAX], FILE *messages)
 {
 	uint32_t count = 0;
 
@@ -95,9 +95,9 @@ static uint32_t take_publications(const struct iec61850_model *model,
 
 		if (take_publication(model, publication, &out[count]))
 			count++;
-		else if (said != NULL)
+		else if (messages != NULL)
 			fprintf(
-			    said,
+			    messages,
 			    "rtud: goose.publish[%u] is left out: \"%s\" and \"%s\" are not one of the IED's "
 			    "logical devices, expected as %sCA%u" CONTROL_PART "%s and ..." DATA_SET_PART
 			    "%s\n",
@@ -108,7 +108,7 @@ static uint32_t take_publications(const struct iec61850_model *model,
 	return count;
 }
 
-void cid_write(FILE *out, const struct iec61850_model *model, bool configured, FILE *said)
+void cid_write(FILE *out, const struct iec61850_model *model, bool configured, FILE *messages)
 {
 	struct iec61850_scl_goose goose[GOOSE_PUBLISHED_MAX];
 	const struct iec61850_scl scl = {.out = out,
@@ -116,7 +116,7 @@ void cid_write(FILE *out, const struct iec61850_model *model, bool configured, F
 					 .configured = configured,
 					 .address = address_of,
 					 .goose = goose,
-					 .goose_count = take_publications(model, goose, said)};
+					 .goose_count = take_publications(model, goose, messages)};
 
 	iec61850_scl_write(&scl);
 }
