@@ -117,13 +117,16 @@ def tree(tmp_path: Path) -> Tree:
 
 
 @pytest.mark.slow
-def test_image_builds_both(tree: Tree) -> None:
+@pytest.mark.parametrize("words", [["SITE=a site"], ["SITE=a site", "IMAGE=nuc980_netboot"]])
+def test_image_builds_both_or_the_one_that_is_named(tree: Tree, words: list[str]) -> None:
     site = tree.folder / "a site"
     site.mkdir()
     (tree.buildroot / "Makefile").write_text(f"IMAGE :=\n{BUILDROOT}")  # which what was typed would override
-    done = tree.make_with_stand_in("image-buildroot", "SITE=a site", "IMAGE=nuc980_netboot")
+    done = tree.make_with_stand_in("image-buildroot", *words)
     assert done.returncode == 0, done.stderr
-    for image in IMAGES:
+    images = [folder.name for folder in (tree.folder / "build").glob("nuc980*")]
+    assert sorted(images) == (list(IMAGES) if len(words) == 1 else ["nuc980_netboot"])
+    for image in images:
         assert tree.built(image) == {
             "O": str(tree.folder / "build" / image),
             "BR2_EXTERNAL": str(tree.folder / "br2-external"),
