@@ -310,6 +310,11 @@ WRONG = [
     ("run-native KEEP=1 PORT=2'4", "PORT=2'4 is not a TCP port"),
     ("image SITE=nope", "SITE=nope is not a folder"),
     ("image IMAGES=nope", "IMAGES=nope: there is no configs/nope_defconfig; there are nuc980_gateway "),
+    ("update KEY=nope CERTIFICATE=Makefile", "KEY=nope is not a file; docs/update.md says how to make one"),
+    ("update KEY=Makefile CERTIFICATE=nope", "CERTIFICATE=nope is not a file"),
+    ("update SITE=sites/plain", "SITE=sites/plain has no update.pem: its boards take no updates"),
+    ("update BOARD=numaker", "make update knows the gateway board only"),
+    ("image IMAGE=nope", "IMAGES=nope: there is no configs/nope_defconfig"),
     ("menuconfig IMAGE=nope", "IMAGE=nope: there is no configs/nope_defconfig"),
     ("system SITE=sites/json", "sites/json/config.json is not JSON"),
     ("system SITE=sites/more", "sites/more/config.yaml is not a setting of a site"),
@@ -333,6 +338,7 @@ SITES = {
     "macs": ("macs", "eth0 01:00:00:00:00:01\n"),
     "ntp": ("ntp", "# none\n"),
     "password": ("root-password", "secret\n"),
+    "plain": ("interfaces", ""),
 }
 
 
