@@ -326,8 +326,8 @@ build/dtb/nuc980-gateway.dtb: $(wildcard dts/nuvoton/*) scripts/build-dtb.sh | $
 
 # ---- the image -----------------------------------------------------------------------------------
 
-IMAGES        := nuc980_gateway nuc980_netboot
 IMAGE         ?= nuc980_gateway
+IMAGES        := $(if $(filter command,$(origin IMAGE)),$(IMAGE),nuc980_gateway nuc980_netboot)
 BUILDROOT_DIR ?= build/buildroot
 buildroot      = $(MAKE) -C $(BUILDROOT_DIR) O=$(CURDIR)/build/$(1) BR2_EXTERNAL=$(CURDIR)/br2-external
 BUILDROOT      = $(call buildroot,$(IMAGE))
@@ -344,7 +344,7 @@ ifdef SITE
 export SITE_SETTINGS := $(shell realpath -e '$(SITE)/.' 2> /dev/null)
 endif
 
-image-buildroot: $(IMAGES:%=build/%/images/manifest.json) ## Build: the board's images with Buildroot (SITE=folder)
+image-buildroot: $(IMAGES:%=build/%/images/manifest.json) ## Build: the board's images with Buildroot (SITE=folder, IMAGE=)
 
 # The same from Debian's sources and compiler, without what Buildroot downloads: configs/offline.toml.
 OFFLINE        = PYTHONPATH=scripts python3 -m image.offline
@@ -631,7 +631,7 @@ distclean: clean ## Maintain: remove the Python environment as well
 # ---- what was typed ------------------------------------------------------------------------------
 
 # Before anything is built. Last, where all that has a default has it.
-TYPED := $(foreach name,PORT STATIONS BOARD_IP IMAGE IMAGES SITE BOARD DTS SWITCHES FUZZ_SECONDS LIB60870,$(name)='$(subst ','\'',$($(name)))') \
+TYPED := $(foreach name,PORT STATIONS BOARD_IP IMAGE IMAGES SITE BOARD DTS SWITCHES KEY CERTIFICATE FUZZ_SECONDS LIB60870,$(name)='$(subst ','\'',$($(name)))') \
   IMAGE_TYPED=$(filter command,$(origin IMAGE))
 REFUSED := $(shell $(TYPED) scripts/check-arguments.sh $(MAKECMDGOALS))
 $(if $(REFUSED),$(error $(REFUSED)))

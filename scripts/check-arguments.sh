@@ -66,6 +66,14 @@ check_board() {
 		"boards are gateway $(cd board/nuc980/boards && some ./*/pins.yml | sed 's|[.]/||g; s|/pins.yml||g')"
 }
 
+check_signer() {
+	for name in KEY CERTIFICATE; do
+		[[ -z ${!name:-} || -f ${!name} ]] || refuse "$name=${!name} is not a file; docs/update.md says how to make one"
+	done
+	[[ -z ${SITE:-} || -f $SITE/update.pem ]] ||
+		refuse "SITE=$SITE has no update.pem: its boards take no updates; docs/update.md says how to make one"
+}
+
 # What is made for the gateway board alone.
 check_gateway() {
 	[[ ${BOARD:-gateway} == gateway ]] || refuse "make $1 knows the gateway board only; BOARD= goes with make dtb"
@@ -81,10 +89,11 @@ check_device_tree() {
 [[ -z ${SITE:-} ]] || check_site
 for goal; do
 	case $goal in
-	run | lab | netboot | uboot | image | system | image-*) check_gateway "$goal" ;;&
+	run | lab | netboot | uboot | image | system | image-* | update) check_gateway "$goal" ;;&
 	run | run-native | centre) check_tcp_port ;;&
 	centre) [[ -z ${STATIONS:-} || -f $STATIONS ]] || refuse "STATIONS=$STATIONS is not a file; docs/centre.md says what belongs in it" ;;
 	run) [[ -z ${IMAGE_TYPED:-} ]] || check_image "${IMAGE:-.}" ;;
+	update) check_signer ;;
 	netboot)
 		check_serial_port
 		check_board_ip

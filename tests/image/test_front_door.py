@@ -117,13 +117,16 @@ def tree(tmp_path: Path) -> Tree:
 
 
 @pytest.mark.slow
-def test_image_builds_both(tree: Tree) -> None:
+@pytest.mark.parametrize("words", [["SITE=a site"], ["SITE=a site", "IMAGE=nuc980_netboot"]])
+def test_image_builds_both_or_the_one_that_is_named(tree: Tree, words: list[str]) -> None:
     site = tree.folder / "a site"
     site.mkdir()
     (tree.buildroot / "Makefile").write_text(f"IMAGE :=\n{BUILDROOT}")  # which what was typed would override
-    done = tree.make_with_stand_in("image-buildroot", "SITE=a site", "IMAGE=nuc980_netboot")
+    done = tree.make_with_stand_in("image-buildroot", *words)
     assert done.returncode == 0, done.stderr
-    for image in IMAGES:
+    images = [folder.name for folder in (tree.folder / "build").glob("nuc980*")]
+    assert sorted(images) == (list(IMAGES) if len(words) == 1 else ["nuc980_netboot"])
+    for image in images:
         assert tree.built(image) == {
             "O": str(tree.folder / "build" / image),
             "BR2_EXTERNAL": str(tree.folder / "br2-external"),
@@ -307,6 +310,11 @@ WRONG = [
     ("run-native KEEP=1 PORT=2'4", "PORT=2'4 is not a TCP port"),
     ("image SITE=nope", "SITE=nope is not a folder"),
     ("image IMAGES=nope", "IMAGES=nope: there is no configs/nope_defconfig; there are nuc980_gateway "),
+    ("update KEY=nope CERTIFICATE=Makefile", "KEY=nope is not a file; docs/update.md says how to make one"),
+    ("update KEY=Makefile CERTIFICATE=nope", "CERTIFICATE=nope is not a file"),
+    ("update SITE=sites/plain", "SITE=sites/plain has no update.pem: its boards take no updates"),
+    ("update BOARD=numaker", "make update knows the gateway board only"),
+    ("image IMAGE=nope", "IMAGES=nope: there is no configs/nope_defconfig"),
     ("menuconfig IMAGE=nope", "IMAGE=nope: there is no configs/nope_defconfig"),
     ("system SITE=sites/json", "sites/json/config.json is not JSON"),
     ("system SITE=sites/more", "sites/more/config.yaml is not a setting of a site"),
@@ -330,6 +338,7 @@ SITES = {
     "macs": ("macs", "eth0 01:00:00:00:00:01\n"),
     "ntp": ("ntp", "# none\n"),
     "password": ("root-password", "secret\n"),
+    "plain": ("interfaces", ""),
 }
 
 

@@ -109,7 +109,7 @@ class Bench:
         common = ["--site", str(self.site)]
         if "--port" not in words and "--dry-run" not in words:
             common += ["--port", self.double.port]
-        if name in ("boot", "flash"):
+        if name in ("boot", "flash", "install"):
             common += ["--tftp-port", str(self.port), "--listen", HERE, "--seen-as", HERE]
             if "--board-ip" not in words:
                 common += ["--board-ip", "10.77.0.5/24", "--server-ip", "10.77.0.1"]

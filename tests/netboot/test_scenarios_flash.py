@@ -17,13 +17,32 @@ import pytest
 
 from netboot.double import BLOCK, FACTORY_ENVIRONMENT, faults
 from netboot.images import uimage
-from netboot.scenario import BOTH, FLASH, KERNEL, LOADER, ROOT, TREE, Bench, Scenario, play, table
+from netboot.scenario import (
+    BOTH,
+    ENVIRONMENT,
+    FLASH,
+    KERNEL,
+    LOADER,
+    ROOT,
+    TREE,
+    Bench,
+    Scenario,
+    play,
+    table,
+)
 from nuc980.netboot import errors
+from nuc980.netboot.slots.layout import BASE, PLACES, TRIAL
 
 OURS = {"variant": "ours"}
 DTB = ("flash", "--dtb", "%tree")
 PLACE = {TREE: "tree"}
 FIRST = TREE.start // BLOCK  # the block that the device tree begins in
+TREES_AND_MARKS = (*(slot.device_tree for slot in PLACES.values()), *BASE, TRIAL)
+SLOTS = {
+    **{range(slot.kernel.offset, slot.kernel.end): "kernel" for slot in PLACES.values()},
+    **{range(area.offset, area.end): "" for area in TREES_AND_MARKS},
+    ENVIRONMENT: "",
+}
 SMALL_ROOT = range(ROOT.start, ROOT.start + 6 * BLOCK)
 UNFINISHED = ("Not finished. `flash --resume` and",)
 ODD = "if nand read 0x7FC0 0x200000 0x500000; then bootm 0x7fc0; fi"
@@ -229,6 +248,14 @@ def keeps_no_sign_of_its_work(bench: Bench) -> None:
     assert any("setenv flashing;" in line for line in bench.double.lines)
 
 
+def has_slots(bench: Bench) -> None:
+    """U-Boot, which has looked at its partitions meanwhile, has put variables of its own in."""
+    environment = bench.double.stored_environment()
+    assert environment["bootcmd"] == "run rtu_trial; run rtu_base"
+    assert "mtdparts" in environment
+    bench.check_written()
+
+
 def tells_why(bench: Bench) -> None:
     (journal,) = bench.site.glob("flash-*/journal.jsonl")
     assert json.loads(journal.read_text().splitlines()[0])["no_backup"] == "never booted"
@@ -246,6 +273,7 @@ def keeps_two(bench: Bench) -> None:
 
 WRITTEN = [
     works("device tree", quick=True),
+    Scenario("slots", ("install", "%kernel", "%tree", "--no-backup", "new"), writes=SLOTS, then=has_slots),
     works("kernel", command=("flash", "--kernel", "%kernel"), writes={KERNEL: "kernel"}),
     works("both", command=FLASH, writes=BOTH),
     works("both, our U-Boot", command=FLASH, writes=BOTH, board=OURS),

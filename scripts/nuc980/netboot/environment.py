@@ -28,8 +28,8 @@ MADE_BY_UBOOT = {
 }
 # Not set either: another baudrate is taken at once, and the line is lost.
 LEFT_ALONE = MADE_BY_UBOOT | {"baudrate"}
-# Set, but not removed: U-Boot puts the port in that it uses.
-NEVER_REMOVED = LEFT_ALONE | {"ethact"}
+# Set, but not removed: U-Boot puts in the port that it uses, and its partitions when it is asked for them.
+NEVER_REMOVED = LEFT_ALONE | {"ethact", "mtdids", "mtdparts"}
 
 # Set as long as a flash is at work; never kept, or a board that was reset in the middle would have it too.
 IN_WORK = "flashing"
