@@ -70,7 +70,8 @@ def newest_of(all_records: Iterable[bytes]) -> int:
 def tear(journal: Path, chance: random.Random, begun: int) -> int:
     """
     The power goes before the file's last record is synchronised: a part of it is there, and nothing or zeros
-    behind. Returns the newest change before it. The first record is never so: it comes with the file's name.
+    behind. Returns the newest change before it. The part ends before the zeros that a record ends with: with
+    zeros behind, it would be whole. The first record is never so: it comes with the file's name.
     Nor is one before which the journal has nothing of the last start, whose first change has the number
     begun: the server knows no EntryID of a start that it has nothing of.
     """
@@ -78,7 +79,7 @@ def tear(journal: Path, chance: random.Random, begun: int) -> int:
     found = newest_of(synchronised)
     if not synchronised or found < begun:
         return newest(journal)
-    part = last[: chance.randrange(len(last))]
+    part = last[: chance.randrange(len(last.rstrip(b"\0")))]
     zeros = chance.choice([b"", bytes(len(last) - len(part))])
     (journal / "events").write_bytes(b"".join([*synchronised, part, zeros]))
     return found

@@ -9,6 +9,7 @@
 
 #include "ber/ber.h"
 #include "iec61850/association.h"
+#include "iec61850/kept.h"
 #include "iec61850/unit.h"
 #include "iec61850/value.h"
 #include "quality/quality.h"
@@ -181,6 +182,41 @@ static void test_who_takes_nothing_has_half_a_minute(void **state)
 			 IEC61850_STAYS);
 }
 
+/* The journal wrote the block after it had been told entries for which the record had no room. */
+static void test_a_block_ahead_of_the_entries_tells_a_loss(void **state)
+{
+	enum { ENTRIES = 16, REVISION = 7, START = 3 };
+	static _Alignas(8)
+	    uint8_t section[IEC61850_HISTORY_AT + MAP_HISTORY_ALIGNED(sizeof(struct map_history_head)) +
+			    IEC61850_KEPT_ALL * sizeof(struct map_history_reader) +
+			    ENTRIES * sizeof(struct map_history_entry)];
+	static struct iec61850_settings settings = {.report_buffer = ENTRIES};
+	static const struct map_config config = {
+	    .sections = {{IEC61850_SETTINGS, sizeof(settings), 1, &settings}}, .section_count = 1};
+	const struct map_history kept =
+	    map_history_at(section + IEC61850_HISTORY_AT, IEC61850_KEPT_ALL, ENTRIES);
+	struct iec61850_kept_block *ahead = (void *)kept.readers[0].octets,
+				   *level = (void *)kept.readers[1].octets;
+	struct iec61850_buffer buffer;
+
+	(void)state;
+	assert_int_equal(iec61850_section_size(&config), sizeof(section));
+	kept.head->former = START;
+	kept.head->revision = REVISION;
+	kept.head->places[0].next = 10;
+	kept.readers[0].used = kept.readers[1].used = 1;
+	*ahead = (struct iec61850_kept_block){.next = 15, .floor = 12};
+	*level = (struct iec61850_kept_block){.next = 10, .floor = 1};
+	assert_int_equal(iec61850_buffer_begin(&buffer, section, &config, 2, REVISION, START + 1),
+			 IEC61850_GOES_ON_LATER);
+	assert_int_equal(ahead->next, 10);
+	assert_int_equal(ahead->floor, 10);
+	assert_true(ahead->overflow);
+	assert_int_equal(level->next, 10);
+	assert_int_equal(level->floor, 1);
+	assert_false(level->overflow);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -193,6 +229,7 @@ int main(void)
 	    cmocka_unit_test(test_who_does_not_associate_has_ten_seconds),
 	    cmocka_unit_test(test_who_sleeps_gives_way_after_a_minute),
 	    cmocka_unit_test(test_who_takes_nothing_has_half_a_minute),
+	    cmocka_unit_test(test_a_block_ahead_of_the_entries_tells_a_loss),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);
