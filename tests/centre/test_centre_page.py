@@ -481,6 +481,17 @@ def test_point_is_found_and_its_last_hour_is_a_chart_and_a_file(
     with page.expect_download() as download:
         page.get_by_role("link", name="CSV").click()
     assert re.search(r"\b1\.25\b", download.value.path().read_text())
+    page.get_by_role("button", name="Earlier").click()
+    expect(page.locator(".chart")).to_have_text("No change in this time")
+    page.get_by_role("button", name="Later").click()
+    expect(page.locator(".chart canvas")).to_be_visible()
+    full = [
+        {"at": now_ms() - 5000 + number, "value": 1.5, "quality": 0, "cause": 3} for number in range(5000)
+    ]
+    page.route("**/history?from=*", lambda route: route.fulfill(json=full))
+    page.get_by_role("button", name="The last week").click()
+    expect(page.locator(".chart p")).to_contain_text("Only the newest 5000 values")
+    expect(page.locator(".chart canvas")).to_be_visible()
 
 
 def test_map_follows_the_chosen_vehicle(page: Page, stations: Stations, north: Station) -> None:

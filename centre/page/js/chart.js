@@ -3,13 +3,13 @@
 import uPlot from "../vendor/uplot.mjs";
 import { h } from "./dom.js";
 import * as live from "./live.js";
-import { t } from "./words.js";
+import { number, t, time } from "./words.js";
 
 const INVALID = 128;
+const ROWS_MOST = 5000; // that the centre answers with: the newest
 export const HOUR_MS = 3600000;
 
-export async function chart(place, point, spanMs) {
-  const end = Math.round(live.now());
+export async function chart(place, point, spanMs, end) {
   const rows = await live.ask(`points/${point.id}/history?from=${end - spanMs}&to=${end}`);
   if (!rows.length) {
     place.replaceChildren(h("p", { class: "muted" }, t("chart_empty")));
@@ -20,13 +20,14 @@ export async function chart(place, point, spanMs) {
   const values = rows.map(good).concat(good(rows.at(-1)));
   const colours = getComputedStyle(document.documentElement);
   const axis = { stroke: colours.getPropertyValue("--muted"), grid: { stroke: colours.getPropertyValue("--line"), width: 1 }, ticks: { show: false }, font: "12px system-ui" };
-  place.replaceChildren();
+  const part = rows.length < ROWS_MOST ? [] : [h("p", { class: "muted" }, t("chart_part", { n: number(ROWS_MOST), time: time(rows[0].at, true) }))];
+  place.replaceChildren(...part);
   const width = Math.max(240, place.clientWidth - 28);
   new uPlot({
     width, height: 170, legend: { show: true, live: true },
     scales: { x: { range: [(end - spanMs) / 1000, end / 1000] } },
-    axes: [{ ...axis, values: [[3600, "{HH}:{mm}"], [60, "{HH}:{mm}"], [1, "{HH}:{mm}:{ss}"]].map(([step, form]) => [step, form, null, null, null, null, null, null, 1]) }, { ...axis, size: 62 }],
-    series: [{ value: "{HH}:{mm}:{ss}", label: t("time") }, {
+    axes: [{ ...axis, values: [[86400, "{YYYY}-{MM}-{DD}"], [3600, "{HH}:{mm}"], [60, "{HH}:{mm}"], [1, "{HH}:{mm}:{ss}"]].map(([step, form]) => [step, form, null, null, null, null, null, null, 1]) }, { ...axis, size: 62 }],
+    series: [{ value: "{YYYY}-{MM}-{DD} {HH}:{mm}:{ss}", label: t("time") }, {
       label: point.unit ? `${point.name} (${point.unit})` : point.name, stroke: colours.getPropertyValue("--accent"), width: 1.6,
       paths: uPlot.paths.stepped({ align: 1 }), points: { show: rows.length < 100, size: 5 },
     }],

@@ -71,18 +71,21 @@ export function showPoints(main, wanted) {
     };
   });
 
-  function openChart(id, span = HOUR_MS) {
+  function openChart(id, span = HOUR_MS, until = Infinity) {
     const point = live.points.get(id);
+    const last = until >= live.now();
+    const end = Math.round(last ? live.now() : until);
     open = id;
     const place = h("div", { class: "chart" });
-    const spans = [["chart_hour", HOUR_MS], ["chart_day", 24 * HOUR_MS]].map(([key, ms]) =>
-      h("button", { class: "small", "aria-pressed": String(ms === span), onclick: () => openChart(id, ms) }, t(key)));
-    const from = Math.round(live.now() - span);
-    const file = h("a", { href: `api/points/${id}/history?format=csv&from=${from}`, download: "" }, "CSV");
+    const spans = [["chart_hour", 1], ["chart_day", 24], ["chart_week", 168]].map(([key, hours]) =>
+      h("button", { class: "small", "aria-pressed": String(last && hours * HOUR_MS === span), onclick: () => openChart(id, hours * HOUR_MS) }, t(key)));
+    const ways = [["earlier", "‹", -span], ["later", "›", span]].map(([key, sign, ms]) =>
+      h("button", { class: "small", title: t(key), "aria-label": t(key), onclick: () => openChart(id, span, end + ms) }, sign));
+    const file = h("a", { href: `api/points/${id}/history?format=csv&from=${end - span}&to=${end}`, download: "" }, "CSV");
     const close = h("button", { class: "small", "aria-label": t("close"), onclick: () => { open = 0; chartCard.hidden = true; } }, "✕");
-    chartCard.replaceChildren(h("div", { class: "row" }, h("h2", { class: "grow" }, point.name), ...spans, file, close), place);
+    chartCard.replaceChildren(h("div", { class: "row" }, h("h2", { class: "grow" }, point.name), ...spans, ...ways, file, close), place);
     chartCard.hidden = false;
-    chart(place, point, span).catch((error) => place.replaceChildren(h("p", { class: "error" }, t("failed", { error: error.message }))));
+    chart(place, point, span, end).catch((error) => place.replaceChildren(h("p", { class: "error" }, t("failed", { error: error.message }))));
   }
 
   function update() {
