@@ -13,6 +13,7 @@ import json
 import os
 import secrets
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -65,30 +66,32 @@ def fix(road: Road, number: int, name: str, at_s: float) -> bytes:
     return position(int(at_s * 1000), latitude, longitude, 120 + 11 * number, 0 if lost else 1)
 
 
-async def drive(name: str, number: int, port: int) -> None:
-    """A vehicle that has driven for a while, and drives on. The absent one has no link."""
-    if name == ABSENT:
-        return
-    road = Road(WAYS[name])
-    station = Station()
+async def parked(name: str, number: int) -> Station:
+    """A vehicle that has driven for a while; it listens."""
+    road, station = Road(WAYS[name]), Station()
     begun = int(time.time())
     for at_s in range(begun - HISTORY_S, begun, EVERY_S):
         station.say(1, POSITION, fix(road, number, name, at_s))
-    await station.listen(port)
-    while True:
-        if name != SILENT:
-            station.say(1, POSITION, fix(road, number, name, time.time()))
+    await station.listen()
+    return station
+
+
+async def drive(name: str, number: int, station: Station) -> None:
+    road = Road(WAYS[name])
+    while name != SILENT:
+        station.say(1, POSITION, fix(road, number, name, time.time()))
         await asyncio.sleep(REPORT_S)
 
 
 @contextlib.contextmanager
 def vehicles() -> Iterator[dict[str, int]]:
-    """They drive in a thread of their own; their ports."""
-    taken = {name: free_port() for name in WAYS}
+    """They drive in a thread of their own; their ports. Of the absent one, nobody listens on it."""
     loop = asyncio.new_event_loop()
+    numbers = {name: number for number, name in enumerate(WAYS) if name != ABSENT}
+    stations = {name: loop.run_until_complete(parked(name, number)) for name, number in numbers.items()}
 
     async def all_of_them() -> None:
-        await asyncio.gather(*(drive(name, number, taken[name]) for number, name in enumerate(WAYS)))
+        await asyncio.gather(*(drive(name, numbers[name], stations[name]) for name in stations))
 
     task = loop.create_task(all_of_them())
 
@@ -99,7 +102,10 @@ def vehicles() -> Iterator[dict[str, int]]:
     thread = threading.Thread(target=work, daemon=True)
     thread.start()
     try:
-        yield taken
+        with socket.socket() as absent:
+            absent.bind(("127.0.0.1", 0))
+            ports_of = {name: station.port for name, station in stations.items()}
+            yield ports_of | {ABSENT: absent.getsockname()[1]}
     finally:
         loop.call_soon_threadsafe(task.cancel)
         thread.join()

@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import json
 import os
+import random
 import re
 import shutil
 import signal
@@ -27,6 +29,7 @@ START_TIMEOUT_S = 60.0
 STOP_TIMEOUT_S = 30.0
 PAUSE_MAX_S = 0.1  # between two questions
 RESTARTS_MAX = 3
+PORTS_FROM = 10240  # those below are known services' more often
 HEARTBEAT_LIMIT_MS = 2000  # a line process that a busy host lets wait is not dead
 TESTFR_ACT = bytes.fromhex("680443000000")
 TESTFR_CON = bytes.fromhex("680483000000")
@@ -42,10 +45,17 @@ def default_build() -> Path:
 
 
 def free_port() -> int:
-    """A TCP port of 127.0.0.1 that nobody listens on now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+    """A TCP port of 127.0.0.1 that nobody listens on now.
+
+    None that the kernel gives to connections, if it leaves others: one of them might take it before it is
+    listened on.
+    """
+    given = int(Path("/proc/sys/net/ipv4/ip_local_port_range").read_text().split()[0])
+    while True:
+        wanted = random.SystemRandom().randrange(PORTS_FROM, given) if given > 2 * PORTS_FROM else 0
+        with socket.socket() as probe, contextlib.suppress(OSError):
+            probe.bind(("127.0.0.1", wanted))
+            return int(probe.getsockname()[1])
 
 
 def listening_on(config: dict[str, Any], port: int) -> dict[str, Any]:
