@@ -27,7 +27,7 @@ C = "lint unit asan cross"
 DESK = "test-sanitizers test-station test-lines test-gateway test-bench"  # the gateway on this machine
 BOARDS = "test-twin test-netboot test-linux"  # all that runs on the emulated board
 ON_BOARD = (  # the gateway there
-    "tests/linux/test_after_2038.py tests/linux/test_data_volume.py "
+    "tests/linux/test_after_2038.py tests/linux/test_buffered_cuts.py tests/linux/test_data_volume.py "
     "tests/linux/test_gateway_*.py tests/linux/test_ntp.py tests/linux/test_receiver_clock.py "
     "tests/linux/test_realtime.py tests/linux/test_run.py tests/linux/test_system*.py "
     "tests/linux/test_trial_boots.py tests/linux/test_update_board.py tests/linux/test_update_cuts.py "

@@ -238,6 +238,8 @@ def kill_of_the_server(case: Try) -> None:
         case.plant.kill_server()
         assert case.client.is_closed()
     case.plant.gateway.wait_for(case.plant.is_over, 60.0, "its command is over")
+    left = [row for row in case.plant.gateway.query("commands") if row["state"] == "refused command"]
+    assert [row["result"] for row in left] == ["time-out"]  # nobody has released it
     case.plant.lines.fault(DEVICE, "clear")
     case.plant.wait_all_good(CA)
     assert len(case.plant.writes(case.mark)) == 1 and not case.is_on()

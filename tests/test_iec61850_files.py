@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """File services of MMS: clients read the SCL file of the server, and nothing else, nor change it."""
 
+import copy
 import json
 import os
 import subprocess
@@ -14,11 +15,19 @@ from capture import Connection, Relay, dissect_mms
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from peers import mms
 from peers.mms import Client, element
-from test_iec61850_scl import site_config
+from test_iec61850_scl import DEVICE, site_config
 
 TESTS = Path(__file__).resolve().parent
 PATHS = os.environ | {"PYTHONPATH": str(TESTS.parent / "scripts")}
 NAME = "OpenRTU.cid"
+PUBLISHED = {
+    "name": "bay",
+    "control_block": f"{DEVICE}/LLN0$GO$bay",
+    "data_set": f"{DEVICE}/LLN0$bay",
+    "app_id": 0x1004,
+    "conf_rev": 7,
+    "points": ["feeder10.breaker-command"],
+}
 NO_FILE, NO_POSITION, NO_NUMBER = (0x8B, b"\7"), (0x8B, b"\5"), (0x87, b"\2")
 
 
@@ -27,6 +36,7 @@ def gateway(programs: Path) -> Iterator[Gateway]:
     directory = run_directory()
     config = site_config(free_port())
     config["iec61850"]["max_pdu"] = 16000
+    config["goose"] = {"interface": "lo", "publish": [PUBLISHED]}
     try:
         with Gateway(listening_on(config, free_port()), directory, programs) as running:
             yield running
@@ -144,6 +154,24 @@ def test_a_reading_ends_with_its_client(gateway: Gateway, file: bytes) -> None:
             part(client, number)
     with Client(port_of(gateway)) as client:
         assert rest(client, opened(client)[0]) == file
+
+
+def test_a_changed_publication_is_in_it(gateway: Gateway) -> None:
+    """Of GOOSE, whose other module goes on."""
+    config = gateway.configuration()
+    changed = copy.deepcopy(config)
+    changed["goose"]["publish"][0]["conf_rev"] = 8
+    for document, revision in ((changed, 8), (config, 7)):
+        gateway.ctl("reload", gateway.put(document))
+
+        def described(wanted: bytes = f'confRev="{revision}" appID="bay"'.encode()) -> bool:
+            try:
+                with Client(port_of(gateway)) as client:
+                    return wanted in rest(client, opened(client)[0])
+            except (OSError, EOFError, AssertionError):
+                return False  # it ends, or has not begun
+
+        gateway.wait_for(described, 20, "the file has the other revision")
 
 
 def test_libiec61850_takes_it(gateway: Gateway, file: bytes, tmp_path: Path) -> None:
