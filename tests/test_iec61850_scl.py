@@ -481,17 +481,24 @@ def test_conf_rev_changes_with_the_data_set_alone(describe: Describe) -> None:
         slave = next(s for s in config["port"][0]["slaves"] if s["id"] == 10)
         slave.setdefault("coils", []).append({"address": 900, "type": "single", "ioa": 9900})
 
+    def limit(high: float) -> Callable[[dict[str, Any]], None]:
+        limits = {"point": "feeder10.active-power", "high_high": 99, "high": high, "low": 0, "low_low": 0}
+        return lambda config: config["iec61850"].update(limits=[*LIMITS, limits])
+
+    def changed(after: dict[str, dict[str, int]]) -> set[tuple[str, str]]:
+        """Devices, and the kinds of their control blocks."""
+        return {
+            (device, block.split("$")[2][4:-2])
+            for device, blocks in before.items()
+            for block in blocks
+            if after[device][block] != blocks[block]
+        }
+
     before = revisions()
     assert revisions(harmless) == before
-    after = revisions(grow)
-    changed = {
-        (device, block)
-        for device, blocks in before.items()
-        for block in blocks
-        if after[device][block] != blocks[block]
-    }
-    assert {device for device, _ in changed} == {DEVICE}
-    assert {block.split("$")[2][4:-2] for _, block in changed} == {"Status"}
+    assert changed(revisions(grow)) == {(DEVICE, "Status")}
+    ranged = revisions(limit(90))  # the member has range then, wherever the limit is
+    assert changed(ranged) == {(DEVICE, "Measured")} and revisions(limit(80)) == ranged
 
 
 def test_goose_control_blocks_of_the_ied_are_in_it(describe: Describe) -> None:

@@ -16,7 +16,7 @@ struct map_limits {
 /* Where a value is among its limits, as IEC 61850-7-3 numbers it (RangeKind). */
 enum map_range { MAP_RANGE_NORMAL, MAP_RANGE_HIGH, MAP_RANGE_LOW, MAP_RANGE_HIGH_HIGH, MAP_RANGE_LOW_LOW };
 
-/* Of a point that has limits. */
+/* NULL: the point has none, or they are of another version. */
 static inline const struct map_limits *map_limits_of(const struct map_config *config, uint32_t point)
 {
 	const struct map_limits *limits = map_records(config, MAP_LIMITS, sizeof(*limits));
@@ -30,7 +30,7 @@ static inline const struct map_limits *map_limits_of(const struct map_config *co
 		else
 			high = middle;
 	}
-	return &limits[low];
+	return limits != NULL && limits[low].point == point ? &limits[low] : NULL;
 }
 
 /* A value on a limit has not crossed it, and one that is not a number has crossed none. */
@@ -43,6 +43,8 @@ static inline enum map_range map_range_of(const struct map_config *config, uint3
 	if (!(config->points[point].flags & MAP_POINT_LIMITS))
 		return MAP_RANGE_NORMAL;
 	limits = map_limits_of(config, point);
+	if (limits == NULL)
+		return MAP_RANGE_NORMAL;
 	number = map_number((enum map_type)config->points[point].type, value);
 	if (number > (double)limits->high)
 		return number > (double)limits->high_high ? MAP_RANGE_HIGH_HIGH : MAP_RANGE_HIGH;

@@ -156,6 +156,7 @@ static void test_limits_are_found(void **state)
 	(void)state;
 	for (uint32_t i = 1; i < 5; i++)
 		points[i] = (struct map_point){.type = MAP_FLOAT, .flags = i == 3 ? 0 : MAP_POINT_LIMITS};
+	assert_int_equal(map_range_of(&config, 1, (union map_value){.f = 99}), MAP_RANGE_NORMAL);
 	map_add_section(&config, MAP_LIMITS, sizeof(*limits), 3, limits);
 	for (uint32_t i = 0; i < 3; i++)
 		assert_ptr_equal(map_limits_of(&config, limits[i].point), &limits[i]);
