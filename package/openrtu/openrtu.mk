@@ -24,7 +24,8 @@ OPENRTU_POST_RSYNC_HOOKS += OPENRTU_ADD_LICENSE
 # rtud, started as root, runs each module as a user of its own, from 61201 on,
 # with the group 61200 and no capability. The kind of a module says which (user,
 # in src/modules/*/kind.c). Here they get names: the northbound module has 61201,
-# the first line process 61203, whichever of them are built.
+# the first line process 61203, whichever of them are built. The user of rtu-pull is
+# no module's, and in a group of its own.
 define OPENRTU_USERS
 	openrtu 61200 openrtu 61200 * - - - OpenRTU
 	$(OPENRTU_IEC104_USER)
@@ -33,6 +34,7 @@ define OPENRTU_USERS
 	$(OPENRTU_IEC61850_USER)
 	$(OPENRTU_WEB_USER)
 	rtu-gps 61215 openrtu 61200 * - - dialout OpenRTU positions
+	rtu-pull 61199 rtu-pull 61199 * - - - OpenRTU updates that the board fetches
 endef
 
 ifeq ($(BR2_PACKAGE_OPENRTU_IEC104),y)

@@ -79,12 +79,18 @@ class Source:
 class Table:
     sources: tuple[Source, ...]
     programs: Mapping[str, Sequence[str]]
+    left_out: frozenset[str] = frozenset()
+    """Packages that another one brings without using them."""
 
 
 def read_table(file: Path = TABLE) -> Table:
     try:
         read = tomllib.loads(file.read_text(encoding="utf-8"))
-        table = Table(tuple(Source(**row) for row in read.pop("source")), read.pop("programs"))
+        table = Table(
+            tuple(Source(**row) for row in read.pop("source")),
+            read.pop("programs"),
+            frozenset(read.pop("left_out", ())),
+        )
     except (OSError, tomllib.TOMLDecodeError, KeyError, TypeError) as error:
         raise UnusableInput(
             f"{file}: {error}", next_step="mend the line; the others show the form"
@@ -214,7 +220,9 @@ def c_library(content: bytes) -> dict[str, str]:
 
 
 def stands_in(name: str, package: Mapping[str, Any], table: Table) -> bool:
-    """Whether this machine's programs do: for a host package that Buildroot would download."""
+    """Whether this machine's programs do, for a host package that Buildroot would download, or nothing."""
+    if name in table.left_out:
+        return True
     replaced = {each.package for each in table.sources}
     return package["type"] == "host" and bool(package.get("downloads")) and name not in replaced
 
@@ -230,14 +238,17 @@ def find_program(name: str) -> str:
 
 def not_covered(packages: Mapping[str, Mapping[str, Any]], table: Table) -> Iterator[str]:
     """What Buildroot would download all the same."""
-    replaced = {each.package for each in table.sources}
+    known = {each.package for each in table.sources} | table.left_out | {"openrtu"}
     for name, package in packages.items():
-        if package["type"] == "target" and package.get("downloads") and name not in replaced | {"openrtu"}:
+        if package["type"] == "target" and package.get("downloads") and name not in known:
             yield name
 
 
 def seed(output: Path, packages: Mapping[str, Mapping[str, Any]], table: Table) -> None:
-    """Marks in Buildroot's output as installed what this machine has; links are where its packages look."""
+    """
+    Marks in Buildroot's output as installed what this machine has, and what is left out. Links are where its
+    packages look.
+    """
     for name, package in packages.items():
         if not stands_in(name, package, table):
             continue

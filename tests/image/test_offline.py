@@ -44,6 +44,13 @@ def test_each_package_of_a_defconfig_has_a_row(defconfig: str) -> None:
     ]
 
 
+def test_swupdate_uses_nothing_that_is_left_out() -> None:
+    used = {each.symbol for each in settings(ROOT / "board/nuc980/swupdate.config") if each.value == "y"}
+    assert {"json-c", "libubootenv", "libyaml"} == TABLE.left_out
+    assert "CONFIG_BOOTLOADER_NONE" in used
+    assert not used & {"CONFIG_UBOOT", "CONFIG_JSON", "CONFIG_SURICATTA", "CONFIG_CHANNEL_CURL"}
+
+
 def test_what_the_gateway_is_linked_with_has_a_row() -> None:
     chosen = set_symbols("nuc980_gateway_lts_defconfig")
     asked, needed = "", set()
@@ -214,6 +221,20 @@ def test_program_that_is_not_there_is_named(tmp_path: Path) -> None:
     table = offline.Table((), {"host-m4": ["no-such-program"]})
     with pytest.raises(UnusableInput, match="this machine has no no-such-program"):
         offline.seed(tmp_path, {"host-m4": package("host", "host-m4")}, table)
+
+
+def test_what_is_left_out_is_marked_and_in_no_bill(tmp_path: Path) -> None:
+    table = offline.Table((), {}, frozenset({"libubootenv"}))
+    packages = {
+        "libubootenv": package("target", "libubootenv"),
+        "swupdate": {"type": "target", "dependencies": ["libubootenv", "toolchain"]},
+    }
+    assert list(offline.not_covered(packages, table)) == []
+    offline.seed(tmp_path, packages, table)
+    assert [folder.name for folder in (tmp_path / "build").iterdir()] == ["libubootenv-1"]
+    assert (tmp_path / "build/libubootenv-1/.stamp_target_installed").exists()
+    bill = offline.described(packages, table)
+    assert {name: each["dependencies"] for name, each in bill.items()} == {"swupdate": ["toolchain"]}
 
 
 def test_target_package_without_a_row_is_named() -> None:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -29,6 +30,9 @@ install)
 status) cat {root}/status ;;
 esac
 """
+# What reads the network is to be the user rtu-pull.
+SETUIDGID = '#!/bin/sh\n[ "$1" = rtu-pull ] || exit 99\nshift\nCONFINED=1 exec "$@"\n'
+CONFINED = '#!/bin/sh\n[ -n "$CONFINED" ] || exit 99\nexec {program} "$@"\n'
 STATUS = "running  {slot}, version 1\nbase     A\ntrial    none\nthe next start takes A\n"
 TAKEN = "The update is in slot B, read back, and on trial at the next start.\n"
 
@@ -93,6 +97,8 @@ def board(tmp_path: Path, server: UpdateServer, authority: Authority) -> Board:
         "proc/sys/kernel/random/boot_id": "1\n",
         "sys/class/net/eth0/address": "02:00:00:00:00:01\n",
         "bin/rtu-update": RTU_UPDATE.format(root=tmp_path),
+        "bin/setuidgid": SETUIDGID,
+        **{f"bin/{name}": CONFINED.format(program=shutil.which(name)) for name in ("curl", "jq")},
         "bin/reboot": f"#!/bin/sh\ntouch {tmp_path}/rebooted\n",
         "bin/logger": "#!/bin/sh\n",
         "bin/sync": "#!/bin/sh\n",

@@ -78,9 +78,10 @@ def test_users_are_those_of_the_buildroot_package(etc: Path) -> None:
         "rtu-gps": ("61215", "61200", "/bin/false"),
         "rtu-iec61850": ("61217", "61200", "/bin/false"),
         "rtu-web": ("61218", "61200", "/bin/false"),
+        "rtu-pull": ("61199", "61199", "/bin/false"),
     }
     groups = (etc / "group").read_text()
-    assert groups == GROUPS.format(members="rtu-gps,rtu-modbus") + "openrtu:x:61200:\n"
+    assert groups == GROUPS.format(members="rtu-gps,rtu-modbus") + "openrtu:x:61200:\nrtu-pull:x:61199:\n"
 
 
 def test_no_user_has_a_password(etc: Path) -> None:

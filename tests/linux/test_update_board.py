@@ -47,6 +47,12 @@ PAYLOAD = Path(__file__).parents[1] / "netboot/payload/Makefile"
 KERNEL_BYTES = 300_001
 OLDER = "0.0.9"
 ERASED = b"\xff" * PAGE
+# What reads the network notes as whom, and with which capabilities.
+READER = """#!/bin/sh
+sed -n 's/^Uid:\\t//p; s/^CapPrm:\\t//p' /proc/self/status >>/run/readers
+exec /usr/bin/{program} "$@"
+"""
+PULL_USER = "61199"
 
 
 @pytest.fixture(scope="module")
@@ -238,6 +244,9 @@ def server(board: Ssh, folder: Path) -> Iterator[UpdateServer]:
         board.run("cat >/etc/openrtu/update-server.pem", send=authority.certificate.read_text())
         board.run(f"date -u -s @{int(time.time())}; mount -t tmpfs data /data; mkdir -p /srv")
         board.run("cd /srv; cat >reboot; chmod +x reboot", send="#!/bin/sh\necho >/run/restarts\n")
+        board.run(": >/run/readers; chmod 666 /run/readers")
+        for program in ("curl", "jq"):
+            board.run(f"cd /srv; cat >{program}; chmod +x {program}", send=READER.format(program=program))
         yield server
         board.run("umount /data; mount -o remount,ro /")
 
@@ -260,6 +269,7 @@ def test_fetched_from_a_server(
     assert trial_of(nand) == page(TRIAL_WORD, "b")
     assert board.run("ls /run/restarts; sed -n 2p /data/update/action").splitlines()[0] == "/run/restarts"
     assert [seen.rpartition(" ")[2] for seen in server.seen if "/file" in seen][1:] == ["0", "100000"]
+    assert set(board.run("cat /run/readers").splitlines()) == {"\t".join([PULL_USER] * 4), "0" * 16}
 
 
 def test_written_around_bad_blocks_and_on_trial(
