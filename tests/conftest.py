@@ -64,7 +64,11 @@ def pytest_itemcollected(item: pytest.Item) -> None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Files with many slow tests first, short ones and what is spread last: so the workers end together."""
     if hasattr(config, "workerinput"):  # of xdist; a worker does not know --dist
-        slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
+        slow = Counter(
+            item.path
+            for item in items
+            if item.get_closest_marker("slow") and not item.get_closest_marker("sample")
+        )
         items.sort(
             key=lambda item: (
                 file_of(item.nodeid) in SPREAD,

@@ -827,7 +827,9 @@ def test_socket_left_over_is_taken_and_a_live_one_is_not(
     programs: Path, centre: Start, tmp_path: Path
 ) -> None:
     stations = [station("dead", free_port())]
-    centre(stations).process.kill()
+    dead = centre(stations).process
+    dead.kill()
+    dead.wait(LIMIT_S)
     running = centre(stations)
     command = [programs / "centre" / "rtu-centre", "--socket", running.socket, tmp_path / "centre.json"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)

@@ -24,6 +24,7 @@ from lab.raw_master import RawMaster
 from web import make_user
 
 WAIT_S = 60.0
+PATIENCE_MS = 2000
 CA, DEVICE = 1005, "1.5"
 LINE, STATION = "rtu-modbus-1", "rtu-iec104"
 LAMP, BREAKER, LEVEL = 0, 2, 7  # addresses of two coils and of an input register
@@ -36,6 +37,8 @@ Config = dict[str, Any]
 def base() -> Config:
     coils = [{"address": LAMP, "name": "lamp"}, {"address": BREAKER, "type": "double", "select": True}]
     slave = {"id": 5, "coils": coils, "input_registers": [{"address": LEVEL, "name": "level"}]}
+    # a device that a busy host delays is not dead: its value would be told twice
+    slave |= {"response_timeout_ms": PATIENCE_MS, "response_timeout_min_ms": PATIENCE_MS}
     pace = {"baud_rate": 38400, "data_bits": 8, "stop_bits": 1, "parity": 0}
     return {
         "iec104": {"connections_per_address": 8},

@@ -266,6 +266,7 @@ def answers(master: RawMaster, kind: int) -> list[tuple[int, int]]:
 
 @pytest.mark.parametrize("device", SHARED)
 def test_a_command_reaches_its_device_alone(desk: Desk, master: RawMaster, device: str) -> None:
+    desk.wait_all_good(CA)
     before = {one: desk.lines.get(one, "coils", 0) for one in DEVICES}
     master.request(C_SC, CA, LAMP + offset(device), bytes([1 - before[device]]))
     assert answers(master, C_SC) == [(CA, ACT_CON), (CA, ACT_TERM)]
