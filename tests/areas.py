@@ -61,6 +61,8 @@ REACH = [
     ("docs/figures/run-native.svg", "tests/test_show.py"),
     ("docs/figures/blocks.svg", "tests/test_logic_blocks.py"),
     ("docs/figures/blocks/*", "tests/test_logic_blocks.py"),
+    ("docs/figures/iec61850-groups.svg", "tests/test_iec61850_conformance.py"),
+    ("docs/figures/goose-repetition.svg", "tests/test_iec61850_conformance.py"),
     ("docs/figures/*", "tests/pins/test_picture.py tests/netboot/test_netboot_docs.py"),
     ("docs/goose.md", "tests/test_goose*.py"),
     ("docs/web.md", "tests/test_docs_commands.py"),
