@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""docs/conformance-61850.md says what the server is: its tables against wire, source and schema."""
+"""docs/conformance-61850.md and the figures say what is: against wire, source and schema."""
 
 import json
 import re
@@ -75,6 +75,25 @@ def test_classes_are_those_of_the_source() -> None:
     assert [name for (name,) in rows("Common data classes")] == list(
         dict.fromkeys(re.findall(r'"(\w+)"', names))
     )
+
+
+def test_the_figure_of_groups_has_the_classes_of_the_source() -> None:
+    figure = (ROOT / "docs/figures/iec61850-groups.svg").read_text()
+    shown = re.findall(r'class="code left">([^<]+)<', figure)
+    assert sorted(" ".join(shown).split()) == sorted(re.findall(r'CLASS\("(\w+)"', SOURCE))
+    assert f"{len(' '.join(shown).split())} classes in {len(shown)} groups" in figure
+
+
+def test_the_figure_of_repetitions_has_the_defaults() -> None:
+    figure = (ROOT / "docs/figures/goose-repetition.svg").read_text()
+    keys = SCHEMA["goose_publication"]["properties"]
+    interval, most = (keys[name]["default"] for name in ("min_ms", "max_ms"))
+    due = [most]  # of the state before
+    while interval < most:
+        due.append(interval)
+        interval *= 2
+    assert [int(ms) for ms in re.findall(r'class="note small">(\d+)<', figure)] == [*due, most, most]
+    assert f"timeAllowedtoLive: {2 * most} ms" in figure
 
 
 def test_numbers_are_those_of_the_schema() -> None:
