@@ -193,6 +193,37 @@ def test_kills_lose_and_repeat_nothing(plant: Plant) -> None:
     assert not any(entry.lost for entry in entries)
 
 
+def test_rtuctl_shows_what_waits(plant: Plant) -> None:
+    """The queue of a block stays when its client has gone, until all was told."""
+
+    def queue() -> dict[str, Any]:
+        (found,) = plant.gateway.query("iec61850")
+        return next((row for row in found["queues"] if row["block"] == f"{DOMAIN}/{BLOCK}"), {})
+
+    def shown(**wanted: object) -> dict[str, Any]:
+        plant.gateway.wait_for(lambda: wanted.items() <= queue().items(), 10, f"the queue has {wanted}")
+        return queue()
+
+    told = {"waiting": 0, "oldest_s": None, "overflow": False, "limit": KEPT}
+    with Client(plant.port) as client:
+        begin(client)
+        shown(**told, peer="127.0.0.1", enabled=True)
+    shown(**told, peer="", enabled=False)
+    plant.change()
+    first = shown(waiting=INPUTS, overflow=False)
+    assert first["oldest_s"] > 0 and INPUTS <= first["kept"] <= KEPT
+    plant.restart()
+    assert shown(waiting=INPUTS, overflow=False, peer="")["oldest_s"] > first["oldest_s"]
+    for _ in range(KEPT // INPUTS):
+        plant.change()
+    shown(waiting=KEPT, overflow=True, kept=KEPT)
+    assert f"{DOMAIN}/{BLOCK}" in plant.gateway.ctl("iec61850", "queues")
+    with Client(plant.port) as client:
+        begin(client)
+        taken(client, KEPT)
+        shown(**told, peer="127.0.0.1", enabled=True, kept=KEPT)
+
+
 def test_an_overflow_is_told_once(plant: Plant) -> None:
     plant.change()
     with Client(plant.port) as client:

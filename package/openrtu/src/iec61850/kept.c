@@ -134,3 +134,12 @@ uint32_t iec61850_buffer_oldest(const struct iec61850_buffer *buffer)
 		number++;
 	return number;
 }
+
+uint32_t iec61850_buffer_first(const struct iec61850_buffer *buffer, const struct iec61850_kept_block *block,
+			       bool *overflow)
+{
+	const bool gone = block->next != buffer->next && iec61850_buffer_entry(buffer, block->next) == NULL;
+
+	*overflow = gone || block->overflow != 0;
+	return gone ? iec61850_buffer_oldest(buffer) : block->next;
+}

@@ -78,5 +78,8 @@ const struct map_history_entry *iec61850_buffer_entry(const struct iec61850_buff
 uint32_t iec61850_buffer_start(const struct iec61850_buffer *buffer, uint32_t number);
 /* The number of the first entry that is there, or of the next one. */
 uint32_t iec61850_buffer_oldest(const struct iec61850_buffer *buffer);
+/* The number of the first entry that waits for a block, or of the next one. overflow: some that waited are lost. */
+uint32_t iec61850_buffer_first(const struct iec61850_buffer *buffer, const struct iec61850_kept_block *block,
+			       bool *overflow);
 
 #endif

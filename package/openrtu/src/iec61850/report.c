@@ -787,11 +787,10 @@ static bool put_kept(struct iec61850_server *server, struct ber_writer *writer,
 {
 	struct iec61850_kept_block *kept = block->kept;
 	const struct iec61850_buffer *buffer = &server->model.buffer;
+	bool overflow;
 
-	if (kept->next != buffer->next && iec61850_buffer_entry(buffer, kept->next) == NULL) {
-		kept->next = iec61850_buffer_oldest(buffer);
-		kept->overflow = true;
-	}
+	kept->next = iec61850_buffer_first(buffer, kept, &overflow);
+	kept->overflow = overflow;
 	while (kept->next != buffer->next) {
 		const struct map_history_entry *entry = iec61850_buffer_entry(buffer, kept->next);
 		const uint32_t count = entry == NULL ? 0 : choose_told(server, block, entry);

@@ -25,8 +25,9 @@ enum iec61850_counter {
 	IEC61850_COUNT_OF_COUNTERS
 };
 
-/* What rtuctl shows of clients and of the control blocks that they have. */
+/* What rtuctl shows of clients, of the control blocks that they have, and of what waits in buffered ones. */
 #define IEC61850_SHOWN_BLOCKS 64
+#define IEC61850_SHOWN_QUEUES 64
 #define IEC61850_SHOWN_NAME   96 /* of a logical device and a name in it */
 
 struct iec61850_shown_association {
@@ -44,10 +45,23 @@ struct iec61850_shown_block {
 	uint16_t reports; /* SqNum of the next one */
 };
 
+/* Of a buffered block that a client has written to since the points are as they are. */
+struct iec61850_shown_queue {
+	char name[IEC61850_SHOWN_NAME];
+	char peer[MAP_ADDRESS_SIZE]; /* empty: no client has it */
+	bool enabled;
+	bool overflow;     /* the next report will have BufOvfl */
+	bool dated;        /* false: nothing waits, or it is of a clock that was never set */
+	int64_t oldest_ns; /* when the first that waits happened; before this start: negative */
+	uint32_t waiting;
+};
+
 struct iec61850_shown {
-	uint32_t association_count, block_count;
+	uint32_t association_count, block_count, queue_count;
+	uint32_t kept; /* entries of the buffer */
 	struct iec61850_shown_association associations[IEC61850_ASSOCIATIONS_MAX];
 	struct iec61850_shown_block blocks[IEC61850_SHOWN_BLOCKS];
+	struct iec61850_shown_queue queues[IEC61850_SHOWN_QUEUES];
 };
 
 struct iec61850_stats {

@@ -182,8 +182,8 @@ static void test_who_takes_nothing_has_half_a_minute(void **state)
 			 IEC61850_STAYS);
 }
 
-/* The journal wrote the block after it had been told entries for which the record had no room. */
-static void test_a_block_ahead_of_the_entries_tells_a_loss(void **state)
+/* The journal wrote one after it had been told entries for which the record had no room; the other one waits too long. */
+static void test_a_block_whose_entries_are_lost_tells_it(void **state)
 {
 	enum { ENTRIES = 16, REVISION = 7, START = 3 };
 	static _Alignas(8)
@@ -197,7 +197,9 @@ static void test_a_block_ahead_of_the_entries_tells_a_loss(void **state)
 	    map_history_at(section + IEC61850_HISTORY_AT, IEC61850_KEPT_ALL, ENTRIES);
 	struct iec61850_kept_block *ahead = (void *)kept.readers[0].octets,
 				   *level = (void *)kept.readers[1].octets;
+	static const struct map_sample sample;
 	struct iec61850_buffer buffer;
+	bool lost;
 
 	(void)state;
 	assert_int_equal(iec61850_section_size(&config), sizeof(section));
@@ -215,6 +217,17 @@ static void test_a_block_ahead_of_the_entries_tells_a_loss(void **state)
 	assert_int_equal(level->next, 10);
 	assert_int_equal(level->floor, 1);
 	assert_false(level->overflow);
+	assert_int_equal(iec61850_buffer_first(&buffer, ahead, &lost), 10);
+	assert_true(lost);
+	assert_int_equal(iec61850_buffer_first(&buffer, level, &lost), 10);
+	assert_false(lost);
+	for (uint32_t i = 0; i < ENTRIES; i++)
+		iec61850_buffer_add(&buffer, 0, 0, &sample);
+	assert_int_equal(iec61850_buffer_first(&buffer, level, &lost), 10);
+	assert_false(lost);
+	iec61850_buffer_add(&buffer, 0, 0, &sample);
+	assert_int_equal(iec61850_buffer_first(&buffer, level, &lost), 11);
+	assert_true(lost);
 }
 
 int main(void)
@@ -229,7 +242,7 @@ int main(void)
 	    cmocka_unit_test(test_who_does_not_associate_has_ten_seconds),
 	    cmocka_unit_test(test_who_sleeps_gives_way_after_a_minute),
 	    cmocka_unit_test(test_who_takes_nothing_has_half_a_minute),
-	    cmocka_unit_test(test_a_block_ahead_of_the_entries_tells_a_loss),
+	    cmocka_unit_test(test_a_block_whose_entries_are_lost_tells_it),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

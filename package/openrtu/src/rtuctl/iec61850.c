@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* IEC 61850: who is associated, who has which report control block, what GOOSE publishes and takes. */
+/* IEC 61850: who is associated, who has which report control block, what waits in buffered ones, what GOOSE publishes and takes. */
 #include "rtuctl/tables.h"
 
 #include <stdio.h>
@@ -27,6 +27,13 @@ static const struct listing_column block_columns[] = {
     {"peer", "PEER", LISTING_TEXT},
     {"enabled", "ENABLED", LISTING_TEXT},
     {"sqnum", "SQNUM", LISTING_RIGHT},
+};
+
+static const struct listing_column queue_columns[] = {
+    {"block", "QUEUE", LISTING_TEXT},     {"peer", "PEER", LISTING_TEXT},
+    {"enabled", "ENABLED", LISTING_TEXT}, {"waiting", "WAITING", LISTING_RIGHT},
+    {"oldest_s", "OLDEST", LISTING_AGE},  {"overflow", "BUFOVFL", LISTING_TEXT},
+    {"kept", "KEPT", LISTING_RIGHT},      {"limit", "LIMIT", LISTING_RIGHT},
 };
 
 static const struct listing_column published_columns[] = {
@@ -109,6 +116,32 @@ static json_t *block_rows(const struct map *map)
 	return rows;
 }
 
+static json_t *age_of_oldest(const struct iec61850_shown_queue *of)
+{
+	return of->dated ? json_real((double)(map_now_ns() - of->oldest_ns) / NS_PER_S) : json_null();
+}
+
+static json_t *queue_rows(const struct map *map)
+{
+	struct iec61850_shown shown;
+	json_t *rows = json_array();
+
+	if (!take_shown(map, &shown))
+		return rows;
+	for (uint32_t i = 0; i < shown.queue_count && i < COUNT(shown.queues); i++) {
+		const struct iec61850_shown_queue *of = &shown.queues[i];
+
+		json_array_append_new(
+		    rows, json_pack("{s:s#, s:s#, s:b, s:I, s:o, s:b, s:I, s:I}", "block", of->name,
+				    (int)strnlen(of->name, sizeof(of->name)), "peer", of->peer,
+				    (int)strnlen(of->peer, sizeof(of->peer)), "enabled", (int)of->enabled,
+				    "waiting", (json_int_t)of->waiting, "oldest_s", age_of_oldest(of),
+				    "overflow", (int)of->overflow, "kept", (json_int_t)shown.kept, "limit",
+				    (json_int_t)iec61850_settings(map_config(map))->report_buffer));
+	}
+	return rows;
+}
+
 static const struct goose_stats *goose_stats_of(const struct map *map)
 {
 	const uint32_t module = map_module_of_kind(map, GOOSE_KIND);
@@ -162,6 +195,7 @@ static json_t *subscribed_rows(const struct map *map)
 static const struct table tables[] = {
     {"associations", association_columns, COUNT(association_columns), association_rows},
     {"blocks", block_columns, COUNT(block_columns), block_rows},
+    {"queues", queue_columns, COUNT(queue_columns), queue_rows},
     {"published", published_columns, COUNT(published_columns), published_rows},
     {"subscribed", subscribed_columns, COUNT(subscribed_columns), subscribed_rows},
 };
@@ -169,5 +203,5 @@ static const struct table tables[] = {
 int rtuctl_iec61850(struct map *map, const struct rtuctl_request *request)
 {
 	return tables_print(map, request, tables, COUNT(tables),
-			    "associations, blocks, published or subscribed");
+			    "associations, blocks, queues, published or subscribed");
 }

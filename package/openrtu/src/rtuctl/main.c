@@ -107,13 +107,15 @@ static const struct command commands[] = {
      "sent.\n"
      "Counters count since the gateway started and wrap at 2^32.\n",
      rtuctl_iec104},
-    {"iec61850", "[TABLE]", 0, 1, 0, NULL, "IEC 61850: clients, their report control blocks, GOOSE",
-     "TABLE is associations, blocks, published or subscribed; without it, all of them. Blocks are those that "
-     "clients\n"
-     "have reserved; SQNUM is the number of the next report. STNUM counts states: of a subscription those "
-     "that "
-     "were\n"
-     "taken since the module started. HOLDS says whether what was received is still believed.\n",
+    {"iec61850", "[TABLE]", 0, 1, 0, NULL,
+     "IEC 61850: clients, their report control blocks, what waits, GOOSE",
+     "TABLE is associations, blocks, queues, published or subscribed; without it, all of them. Blocks\n"
+     "are those that clients have reserved; SQNUM is the number of the next report. Queues are buffered\n"
+     "blocks that a client has used, whether one has them now or not. WAITING counts the changes, of all\n"
+     "points, behind the last one told, OLDEST is the age of the first; BUFOVFL says that some are lost,\n"
+     "which is not told yet. KEPT of LIMIT places are in use of the buffer that all queues share.\n"
+     "STNUM counts states: of a subscription those that were taken since the module started. HOLDS says\n"
+     "whether what was received is still believed.\n",
      rtuctl_iec61850},
     {"gps", "[RECEIVER]", 0, 1, 0, NULL, "receivers of positions, with the sky above one of them",
      "With RECEIVER it also draws the satellites of the last burst: north is up, the rim is the horizon, and "

@@ -320,15 +320,21 @@ static const char *peer_of(const void *association)
 	return "";
 }
 
-static void show_block(struct iec61850_shown *shown, const struct iec61850_block *block)
+static void name_block(char out[IEC61850_SHOWN_NAME], const struct iec61850_block *block)
 {
 	const struct iec61850_object object = iec61850_block_object(block);
-	struct iec61850_shown_block *out = &shown->blocks[shown->block_count++];
 	char ld[IEC61850_NAME_SIZE], name[IEC61850_NAME_SIZE];
 
 	iec61850_device_name(&server.model, block->device, ld);
 	iec61850_object_name(&server.model, &object, name);
-	snprintf(out->name, sizeof(out->name), "%.45s/%.45s", ld, name);
+	snprintf(out, IEC61850_SHOWN_NAME, "%.45s/%.45s", ld, name);
+}
+
+static void show_block(struct iec61850_shown *shown, const struct iec61850_block *block)
+{
+	struct iec61850_shown_block *out = &shown->blocks[shown->block_count++];
+
+	name_block(out->name, block);
 	snprintf(out->peer, sizeof(out->peer), "%s", peer_of(block->owner));
 	out->enabled = block->enabled;
 	out->reports = block->number;
@@ -340,6 +346,42 @@ static void show_blocks(struct iec61850_shown *shown)
 	for (uint32_t i = 0; i < server.model.block_count && shown->block_count < IEC61850_SHOWN_BLOCKS; i++)
 		if (server.model.blocks[i].owner != NULL)
 			show_block(shown, &server.model.blocks[i]);
+}
+
+/* An entry that the journal has kept has wall time. */
+static int64_t happened_ns(const struct map_history_entry *entry)
+{
+	const int64_t now_ns = map_now_ns();
+
+	return entry->time == MAP_TIME_MONOTONIC
+		   ? entry->sample.time_ns
+		   : now_ns - (map_wall_ns(map_clock_read(map), now_ns) - entry->sample.time_ns);
+}
+
+static void show_queue(struct iec61850_shown *shown, const struct iec61850_block *block)
+{
+	const struct iec61850_buffer *buffer = &server.model.buffer;
+	struct iec61850_shown_queue *out = &shown->queues[shown->queue_count++];
+	const uint32_t first = iec61850_buffer_first(buffer, block->kept, &out->overflow);
+	const struct map_history_entry *oldest = iec61850_buffer_entry(buffer, first);
+
+	name_block(out->name, block);
+	snprintf(out->peer, sizeof(out->peer), "%s", peer_of(block->owner));
+	out->enabled = block->enabled;
+	out->waiting = buffer->next - first;
+	out->dated = oldest != NULL && oldest->time != MAP_TIME_WALL_UNSET;
+	out->oldest_ns = out->dated ? happened_ns(oldest) : 0;
+}
+
+static void show_queues(struct iec61850_shown *shown)
+{
+	const struct iec61850_model *model = &server.model;
+
+	shown->kept = model->buffer.next - iec61850_buffer_oldest(&model->buffer);
+	shown->queue_count = 0;
+	for (uint32_t i = 0; i < model->block_count && shown->queue_count < IEC61850_SHOWN_QUEUES; i++)
+		if (model->blocks[i].buffered && model->blocks[i].reader->used)
+			show_queue(shown, &model->blocks[i]);
 }
 
 static void show_associations(struct iec61850_shown *shown)
@@ -366,6 +408,7 @@ static void show(void)
 
 	show_associations(&server.stats->shown[next]);
 	show_blocks(&server.stats->shown[next]);
+	show_queues(&server.stats->shown[next]);
 	atomic_store(&server.stats->which, next);
 }
 
