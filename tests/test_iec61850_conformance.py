@@ -93,7 +93,7 @@ def test_the_figure_of_repetitions_has_the_defaults() -> None:
         due.append(interval)
         interval *= 2
     assert [int(ms) for ms in re.findall(r'class="note small">(\d+)<', figure)] == [*due, most, most]
-    assert f"timeAllowedtoLive: {2 * most} ms" in figure
+    assert f"timeAllowedtoLive: {3 * most} ms" in figure
 
 
 def test_numbers_are_those_of_the_schema() -> None:

@@ -6,7 +6,7 @@
 #include "goose/value.h"
 #include "map/time_ns.h"
 
-#define ALIVE_INTERVALS 2 /* of the longest: one message may be lost */
+#define ALIVE_INTERVALS 3 /* of the longest: one message may be lost, and the next be late */
 
 void goose_publisher_init(struct goose_publisher *publisher, const struct map_config *config, uint32_t number,
 			  struct map_sample *samples, uint32_t state)

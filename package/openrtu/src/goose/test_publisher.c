@@ -78,7 +78,7 @@ static void test_a_change_is_repeated_ever_more_slowly(void **state)
 		send_at(now_ns);
 		assert_numbers(1, i + 1);
 	}
-	assert_int_equal(sent.alive_ms, 200);
+	assert_int_equal(sent.alive_ms, 300);
 	assert_int_equal(sent.time.utc_ns, 0);
 }
 
