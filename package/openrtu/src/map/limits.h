@@ -20,9 +20,9 @@ enum map_range { MAP_RANGE_NORMAL, MAP_RANGE_HIGH, MAP_RANGE_LOW, MAP_RANGE_HIGH
 static inline const struct map_limits *map_limits_of(const struct map_config *config, uint32_t point)
 {
 	const struct map_limits *limits = map_records(config, MAP_LIMITS, sizeof(*limits));
-	uint32_t low = 0, high = map_record_count(config, MAP_LIMITS);
+	uint32_t low = 0, high = limits == NULL ? 0 : map_record_count(config, MAP_LIMITS);
 
-	while (high - low > 1) {
+	while (low + 1 < high) {
 		const uint32_t middle = low + (high - low) / 2;
 
 		if (limits[middle].point <= point)
