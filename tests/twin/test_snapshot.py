@@ -178,14 +178,19 @@ def test_a_migrated_machine_loses_no_byte_and_no_tick(
 
 
 def send_until_both_fifos_wait(line: SerialLine, machine: Machine) -> tuple[bytes, bytes]:
-    """Sends till both FIFOs are seen with bytes, which a busy host may miss: what was sent, and came back."""
+    """Sends till both FIFOs have bytes, and leaves the machine stopped: what was sent, and came back.
+
+    A busy host may miss them, and only a machine that is stopped keeps them.
+    """
     sent = heard = b""
     for _ in range(50):
         line.send(b"twelve bytes")
         sent += b"twelve bytes"
         while len(heard) < len(sent):
+            machine.command("stop")
             if min(waiting(machine)) >= 2:
                 return sent, heard
+            machine.command("cont")
             heard += line.receive(0)
     pytest.fail("never seen in the middle of it")
 
