@@ -186,8 +186,9 @@ def test_changes_within_the_deadband_are_no_events(desk: Desk) -> None:
         desk.set_and_scan("1.10", "input_registers", 3, [value])
     desk.master.wait(lambda r: (r.ca, r.ioa, r.value) == (1010, 30004, 1010), since)
     events = [r.value for r in desk.master.reports_since(since) if (r.ca, r.ioa) == (1010, 30004)]
-    # a device that a busy host makes late is told with the values that it had
-    assert [value for value, _ in itertools.groupby(events)][-2:] == [1000, 1010]
+    # a device that a busy host makes late is told with the value that it had
+    told = [value for value, _ in itertools.groupby(events)]
+    assert told[-2:] == [1000, 1010] and 1004 not in told
 
 
 def test_changes_of_one_point_come_in_order(desk: Desk) -> None:

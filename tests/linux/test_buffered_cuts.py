@@ -43,10 +43,9 @@ SHOW = "hexdump -v -e '1/1 \"%02x\"' /data/openrtu/journal/events"
 def board_configuration() -> dict[str, object]:
     config = configuration(MMS_PORT)
     config["iec61850"]["address"] = ETHERNET[0].address
-    slow = {"baud_rate": 9600, "retries": 5, "response_timeout_ms": 5000}
     port = config["port"][0]
-    port["baud_rate"] = slow.pop("baud_rate")
-    port["slaves"][0] |= slow
+    port["baud_rate"] = 9600
+    port["slaves"][0] |= {"retries": 5, "response_timeout_ms": 5000}
     return config | {"journal": {"interval_s": 1, "volume_mb": 1_000_000}}
 
 

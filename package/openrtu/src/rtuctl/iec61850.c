@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* IEC 61850: who is associated, who has which report control block, what waits in buffered ones, what GOOSE publishes and takes. */
+/* IEC 61850: associations, report control blocks and their queues, what GOOSE publishes and takes. */
 #include "rtuctl/tables.h"
 
 #include <stdio.h>
