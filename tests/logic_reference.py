@@ -379,8 +379,8 @@ def lines(statements: list[tuple]) -> list[str]:
             case ("store" | "copy", place, value):
                 found.append(f"{shown(place)} := {shown(value)};")
             case ("say", number, values):
-                said = "".join(f", {shown(value)}" for _, value in values)
-                found.append(f"MESSAGE('{number}{' {}' * len(values)}'{said});")
+                arguments = "".join(f", {shown(value)}" for _, value in values)
+                found.append(f"MESSAGE('{number}{' {}' * len(values)}'{arguments});")
             case ("adds", (_, name, steps), value):
                 found.append(f"{shown_place(name, steps)}(v := {shown(value)});")
             case ("turn", place):
@@ -465,7 +465,7 @@ def written(statements: list[tuple]) -> set[object]:
             case ("assign", name, _):
                 found.add(name)
             case ("say", number, values):
-                found |= {("said", number, place) for place in range(len(values))}
+                found |= {("message", number, place) for place in range(len(values))}
             case ("store" | "copy", place, _) | ("turn", place):
                 found |= touched(place)
             case ("adds", place, _):
@@ -494,7 +494,7 @@ def fits_tail(key: Key, place: tuple, tail: Key) -> bool:
     return not tail or key[len(place[2]) + 1 :] == tail
 
 
-def said(kind: str, tagged: Tagged) -> str:
+def tagged_text(kind: str, tagged: Tagged) -> str:
     value, quality = tagged
     if kind == "STRING":
         return value + ("!" if quality & 0xC1 else "")
@@ -519,15 +519,15 @@ class Reference:
         self.values |= {"k": ("abc", 0), "l": ("", 0)}
         self.values |= {key: (initial(key), 0) for key, _ in ELEMENTS}
         self.first = ""  # what the scan says before its statements
-        self.said: dict[int, list[str]] = {}  # of this scan: the types of each message's values
+        self.messages_of_scan: dict[int, list[str]] = {}  # of this scan: the types of each message's values
         self.faults = 0
         self.doubts: list[int] = []
 
     def scan(self, statements: list[tuple], inputs: dict[str, Tagged]) -> dict[str, Tagged]:
         self.values |= inputs
-        self.said.clear()
+        self.messages_of_scan.clear()
         texts = [self.values[key] for key in ("k", "l", ("z", 1), ("z", 2), ("z", 3))]
-        self.first = " ".join(["0", *(said("STRING", text) for text in texts)])
+        self.first = " ".join(["0", *(tagged_text("STRING", text) for text in texts)])
         self.run(statements)
         values = flags = 0
         for key, _ in ELEMENTS:
@@ -597,9 +597,9 @@ class Reference:
                         self.put(place, to, self.read((*of[0], *tail), *of[1:]), tail)
                 case ("say", number, values):
                     for place, (_, value) in enumerate(values):
-                        self.values[("said", number, place)] = self.value(value)
-                    if number in self.said or len(self.said) < 7:  # and the first one
-                        self.said[number] = [kind for kind, _ in values]
+                        self.values[("message", number, place)] = self.value(value)
+                    if number in self.messages_of_scan or len(self.messages_of_scan) < 7:  # and the first one
+                        self.messages_of_scan[number] = [kind for kind, _ in values]
                 case ("adds", place, value):
                     key, *rest = reached = self.reached(place)
                     state = {name: self.read((*key, name), *rest) for name in ("v", "s")}
@@ -632,9 +632,11 @@ class Reference:
     def messages(self) -> list[str]:
         """The values as they are when the scan ends: what a condition doubts is marked."""
         lines = [self.first]
-        for number, kinds in self.said.items():
-            values = [self.values[("said", number, place)] for place in range(len(kinds))]
-            lines.append(" ".join([str(number), *(said(*pair) for pair in zip(kinds, values, strict=True))]))
+        for number, kinds in self.messages_of_scan.items():
+            values = [self.values[("message", number, place)] for place in range(len(kinds))]
+            lines.append(
+                " ".join([str(number), *(tagged_text(*pair) for pair in zip(kinds, values, strict=True))])
+            )
         return lines
 
     def branch(self, branches: list, otherwise: list[tuple]) -> None:
@@ -692,7 +694,7 @@ class Reference:
             case ("convert", source, target, operand):
                 value, quality = self.value(operand)
                 if target == "STRING":
-                    return (said(source, (value, 0)), quality)
+                    return (tagged_text(source, (value, 0)), quality)
                 if source == "LREAL":
                     return self.fitted(target, round(value), quality)
                 return self.fitted(target, float(value) if target in ("LREAL", "REAL") else value, quality)

@@ -52,9 +52,9 @@ class Centre:
         self.process = subprocess.Popen(
             [program, "--socket", self.socket, file], stderr=subprocess.PIPE, text=True
         )
-        self.said("waits for a consumer")
+        self.wait_logged("waits for a consumer")
 
-    def said(self, words: str) -> str:
+    def wait_logged(self, words: str) -> str:
         assert self.process.stderr
         for line in self.process.stderr:
             if words in line:
@@ -63,7 +63,7 @@ class Centre:
 
     def consumer(self, acknowledges: bool = True) -> Consumer:
         made = Consumer(self.socket, acknowledges)
-        self.said("consumer connected")
+        self.wait_logged("consumer connected")
         return made
 
     def stop(self) -> int:
@@ -129,7 +129,7 @@ def test_check_says_what_stations_take(programs: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("content", "code", "said"),
+    ("content", "code", "message"),
     [
         ("{", 2, "centre.json:1:"),
         ({}, 1, "stations: is missing"),
@@ -170,11 +170,11 @@ def test_check_says_what_stations_take(programs: Path, tmp_path: Path) -> None:
     ],
 )
 def test_check_names_each_mistake(
-    programs: Path, tmp_path: Path, content: object, code: int, said: str
+    programs: Path, tmp_path: Path, content: object, code: int, message: str
 ) -> None:
     done = check(programs, tmp_path, content)
     assert done.returncode == code
-    assert said in done.stderr
+    assert message in done.stderr
     assert len(done.stderr.splitlines()) == 1
 
 
@@ -424,14 +424,14 @@ def test_session_is_resumed(programs: Path, centre: Start, pki: Pki, version: st
         consumer = running.consumer()
         consumer.until(lambda record: is_value(record) and record.cause == 20)
         consumer.close()
-        running.said("consumer")
+        running.wait_logged("consumer")
         consumer = running.consumer()
         consumer.until(lambda record: is_value(record) and record.cause == 20)
         gateway.wait_log(rf"TLSv{version} resumed, \"centre 1\"")
 
 
 @pytest.mark.parametrize(
-    ("change", "keys", "said"),
+    ("change", "keys", "message"),
     [
         ({}, {"certificate": "substation 8"}, "not the certificate of this station"),
         ({"ca": "theirs"}, {}, "certificate is not from a known CA"),
@@ -439,7 +439,7 @@ def test_session_is_resumed(programs: Path, centre: Start, pki: Pki, version: st
     ],
 )
 def test_station_that_is_another_is_refused(
-    programs: Path, centre: Start, pki: Pki, change: dict[str, str], keys: dict[str, str], said: str
+    programs: Path, centre: Start, pki: Pki, change: dict[str, str], keys: dict[str, str], message: str
 ) -> None:
     known = {"theirs": pki.ours.folder.parent / "theirs/ca.pem"}
     if "crl" in change:
@@ -449,7 +449,7 @@ def test_station_that_is_another_is_refused(
         running = centre([secure], **secured(pki, **{key: str(known[name]) for key, name in change.items()}))
         consumer = running.consumer()
         assert consumer.until_link(0, Link.DOWN).link[1] == NOT_SECURE
-        assert said in running.said("secure: refused")
+        assert message in running.wait_logged("secure: refused")
 
 
 def test_station_without_tls_is_refused_and_reaches_no_other(programs: Path, centre: Start, pki: Pki) -> None:
@@ -622,7 +622,7 @@ HOSTILE = {
 
 @pytest.mark.parametrize("name", HOSTILE)
 def test_hostile_station(programs: Path, centre: Start, name: str) -> None:
-    said, reason = HOSTILE[name]
+    octets, reason = HOSTILE[name]
     with simulated(programs, 1, "h") as port, socket.create_server(("127.0.0.1", 0)) as server:
         server.settimeout(LIMIT_S)
         reads = [{"common_address": CA, "ioa": 1, "period_ms": 20}]
@@ -630,7 +630,7 @@ def test_hostile_station(programs: Path, centre: Start, name: str) -> None:
         running = centre([hostile, station("good", port, address(0), reads=reads)])
         consumer = running.consumer()
         with server.accept()[0] as connection:
-            connection.sendall(said)
+            connection.sendall(octets)
             connection.shutdown(socket.SHUT_WR)
             down = consumer.until_link(0, Link.DOWN)
         assert down.link[1] == reason
@@ -756,7 +756,7 @@ def test_events_outlive_consumers_and_the_process(programs: Path, centre: Start)
                 running = centre(stations)
             else:
                 consumer.close()
-                assert "which their stations keep" in running.said("consumer gone")
+                assert "which their stations keep" in running.wait_logged("consumer gone")
         for station_numbers in had.values():
             assert len(station_numbers) > 100
             assert station_numbers == set(range(max(station_numbers) + 1))
@@ -782,7 +782,7 @@ def test_consumer_that_speaks_another_protocol(centre: Start, packet: bytes) -> 
     running = centre([station("dead", free_port())])
     consumer = running.consumer()
     consumer.socket.send(packet)
-    running.said("consumer gone, it sent what is no request")
+    running.wait_logged("consumer gone, it sent what is no request")
     with pytest.raises((EOFError, ConnectionError)):
         while True:
             consumer.packet()
@@ -796,14 +796,14 @@ def test_consumer_that_only_asks(centre: Start) -> None:
     with pytest.raises(OSError):
         for number in range(1, 100_000):
             consumer.send(Ask.READ, id=number, ioa=1)
-    running.said("consumer gone")
+    running.wait_logged("consumer gone")
 
 
 def test_second_consumer_is_turned_away(centre: Start) -> None:
     running = centre([station("dead", free_port())])
     first = running.consumer()
     second = Consumer(running.socket)
-    running.said("a second consumer was turned away")
+    running.wait_logged("a second consumer was turned away")
     with pytest.raises((EOFError, ConnectionError)):
         second.packet()
     first.until_link(0, Link.DOWN)
@@ -881,7 +881,7 @@ def shards_of(running: Centre) -> list[int]:
 def test_killed_shard_takes_no_other_with_it(programs: Path, centre: Start) -> None:
     with sharded(programs, centre) as (running, consumers):
         os.kill(shards_of(running)[1], signal.SIGKILL)
-        running.said("shard 1 was ended by signal 9")
+        running.wait_logged("shard 1 was ended by signal 9")
         with pytest.raises((EOFError, ConnectionError)):
             while True:
                 consumers[1].packet()
@@ -899,8 +899,8 @@ def test_killed_shard_takes_no_other_with_it(programs: Path, centre: Start) -> N
 def test_hung_shard_is_killed_and_begins_again(programs: Path, centre: Start) -> None:
     with sharded(programs, centre) as (running, consumers):
         os.kill(shards_of(running)[1], signal.SIGSTOP)
-        running.said("shard 1 has made no turn for 10 s and is killed")
-        running.said("shard 1 was ended by signal 9")
+        running.wait_logged("shard 1 has made no turn for 10 s and is killed")
+        running.wait_logged("shard 1 was ended by signal 9")
         all_polled(consumers[0], 0)
         consumers[1].close()
         consumers[1] = Consumer(socket_of(running, 1))

@@ -144,14 +144,14 @@ def test_what_ends_while_its_owner_is_stopped_is_over(desk: Desk) -> None:
 
 def test_what_is_refused_says_why(desk: Desk) -> None:
     gateway = desk.gateway
-    code, said = refusal(gateway, "force", "energy", "1")
-    assert code == 1 and "energy cannot be forced: it is a counter" in said
-    code, said = refusal(gateway, "force", "level", "1", "--for", "2h")
-    assert code == 1 and "force_max_s is 3600 s" in said
-    code, said = refusal(gateway, "force", "level", "1", "--for", "soon")
-    assert code == 2 and "expected one like 90s, 10m or 2h" in said
-    code, said = refusal(gateway, "force", "level", "100000")
-    assert code == 2 and "an integer from -32768 to 32767" in said
+    code, error = refusal(gateway, "force", "energy", "1")
+    assert code == 1 and "energy cannot be forced: it is a counter" in error
+    code, error = refusal(gateway, "force", "level", "1", "--for", "2h")
+    assert code == 1 and "force_max_s is 3600 s" in error
+    code, error = refusal(gateway, "force", "level", "1", "--for", "soon")
+    assert code == 2 and "expected one like 90s, 10m or 2h" in error
+    code, error = refusal(gateway, "force", "level", "100000")
+    assert code == 2 and "an integer from -32768 to 32767" in error
     assert refusal(gateway, "unforce", "level") == (
         1,
         'rtuctl: level is not forced: "rtuctl forces" lists what is\n',
@@ -161,8 +161,8 @@ def test_what_is_refused_says_why(desk: Desk) -> None:
 
 def test_a_configuration_without_the_key_allows_none(programs: Path) -> None:
     with gateway_on_lines(configuration(None), programs, INITIAL) as (_, gateway):
-        code, said = refusal(gateway, "force", "level", "1")
-        assert code == 1 and "the configuration allows no forcing" in said
+        code, error = refusal(gateway, "force", "level", "1")
+        assert code == 1 and "the configuration allows no forcing" in error
 
 
 def test_nothing_is_forced_after_rtud_was_killed(programs: Path) -> None:

@@ -480,7 +480,7 @@ def test_wheel_is_installed_and_finds_the_library(programs: Path, tmp_path: Path
     done = subprocess.run([*command, "--target", target, source], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     asked = "import openrtu; print(openrtu.library_version(), openrtu.VERSION)"
-    for named, said, code in (
+    for named, output, code in (
         (str(library(programs)), f"{version()} {version()}\n", 0),
         ("libopenrtu-missing.so", "", 1),
     ):
@@ -491,7 +491,7 @@ def test_wheel_is_installed_and_finds_the_library(programs: Path, tmp_path: Path
             text=True,
             check=False,
         )
-        assert (done.returncode, done.stdout) == (code, said)
+        assert (done.returncode, done.stdout) == (code, output)
         assert "Traceback" not in done.stderr
     assert "install libopenrtu (make install), or name it in OPENRTU_LIBRARY" in done.stderr
 

@@ -388,8 +388,8 @@ def test_mistakes_are_named(programs: Path, tmp_path: Path, change: dict[str, An
         good["goose"][key] = value
     file = tmp_path / "gateway.json"
     file.write_text(json.dumps(good))
-    said = subprocess.run(
+    done = subprocess.run(
         [programs / "rtud/rtud", "--check", file], capture_output=True, text=True, check=False
     )
-    assert said.returncode == 1
-    assert message in said.stderr
+    assert done.returncode == 1
+    assert message in done.stderr

@@ -188,7 +188,7 @@ def test_an_interface_that_is_down_is_said_once(site: Site) -> None:
     """The gateway's own end: each message fails and is counted; a line of the log says so, one its end."""
     site.change()
     site.hear()
-    said = site.gateway.log(10_000).count(f"the interface {site.cable.near}: ")
+    before = site.gateway.log(10_000).count(f"the interface {site.cable.near}: ")
     failures = site.counters()["failures"]
     subprocess.run(["ip", "link", "set", site.cable.near, "down"], check=True)
     try:
@@ -200,7 +200,7 @@ def test_an_interface_that_is_down_is_said_once(site: Site) -> None:
     site.tell(True)
     up = f"the interface {site.cable.near} is up again"
     site.gateway.wait_for(lambda: up in site.gateway.log(10_000), PATIENCE_S, up)
-    assert site.gateway.log(10_000).count(f"the interface {site.cable.near}: ") == said + 1
+    assert site.gateway.log(10_000).count(f"the interface {site.cable.near}: ") == before + 1
 
 
 def of_others(chance: random.Random) -> bytes:

@@ -58,20 +58,20 @@ class Tool:
         """The configuration that it becomes."""
         (self.folder / "tool.cid").write_text(text)
         files = [self.folder / "gateway.json", self.folder / "tool.cid", "--own", self.folder / "own.cid"]
-        out, said = io.StringIO(), io.StringIO()
-        with redirect_stdout(out), redirect_stderr(said):
+        out, errors = io.StringIO(), io.StringIO()
+        with redirect_stdout(out), redirect_stderr(errors):
             code = scl.main([*map(str, files), *options])
-        return code, out.getvalue(), said.getvalue()
+        return code, out.getvalue(), errors.getvalue()
 
     def taken(self, text: str) -> tuple[dict[str, Any], str]:
         """The configuration; what it makes is taken as it is then."""
-        code, out, said = self.take(text)
-        assert code == 0, said
+        code, out, errors = self.take(text)
+        assert code == 0, errors
         config = json.loads(out)
         self.cid(config)
         code, again, more = self.take(text)
         assert (code, json.loads(again)) == (0, config), more
-        return config, said
+        return config, errors
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +109,7 @@ def test_data_sets_blocks_names_and_addresses_are_taken(tool: Tool, own: str) ->
         ('<P type="APPID">000A', '<P type="APPID">000B'),
         ('type="GOOSE" datSet="Trip" confRev="1"', 'type="GOOSE" datSet="Trip" confRev="3"'),
     )
-    config, said = tool.taken(text)
+    config, errors = tool.taken(text)
     assert (config["iec61850"]["ied"], config["iec61850"]["address"]) == ("Bay7", "192.0.2.9")
     power = next(each for each in config["iec61850"]["data_sets"] if each["name"] == "Power")
     assert power["points"] == ["q0.power"]
@@ -118,7 +118,7 @@ def test_data_sets_blocks_names_and_addresses_are_taken(tool: Tool, own: str) ->
     assert buffered["triggers"] == ["dchg", "qchg"]
     (trip,) = config["goose"]["publish"]
     assert (trip["control_block"], trip["app_id"], trip["conf_rev"]) == ("Bay7CA7/LLN0$GO$trip", 11, 3)
-    assert {line.partition(":")[0] for line in said.splitlines()} == {
+    assert {line.partition(":")[0] for line in errors.splitlines()} == {
         "iec61850.ied",
         "iec61850.address",
         "iec61850.data_sets",
@@ -143,13 +143,13 @@ def test_data_sets_of_other_nodes_and_of_attributes_are_taken(tool: Tool, own: s
 
 def test_a_node_with_another_prefix_is_the_same_point(tool: Tool, own: str) -> None:
     text = replace(own, ('prefix="Q0"', 'prefix="Q1"'))
-    config, said = tool.taken(text)
+    config, errors = tool.taken(text)
     assert [each.get("ln") for each in config["modules"][0]["points"]] == ["Q1XCBR1.Pos", "MMXU1.TotW", None]
-    assert '"q0.position": is Q1XCBR1.Pos' in said
+    assert '"q0.position": is Q1XCBR1.Pos' in errors
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         (('ldInst="CA7" prefix="Q0"', 'ldInst="CA7" prefix="Q9"'), "Q9XCBR1.Pos [ST] is no point"),
         (('<LDevice inst="CA7"', '<LDevice inst="CA8"'), "CA8: the map has no such logical device"),
@@ -173,10 +173,10 @@ def test_a_node_with_another_prefix_is_the_same_point(tool: Tool, own: str) -> N
     ],
 )
 def test_what_the_gateway_cannot_be_is_named(
-    tool: Tool, own: str, change: tuple[str, str], said: str
+    tool: Tool, own: str, change: tuple[str, str], message: str
 ) -> None:
     code, out, error = tool.take(replace(own, change))
-    assert (code, out) == (1, "") and said in error
+    assert (code, out) == (1, "") and message in error
 
 
 def bomb(_: str) -> str:
@@ -185,7 +185,7 @@ def bomb(_: str) -> str:
 
 
 @pytest.mark.parametrize(
-    ("hostile", "said"),
+    ("hostile", "message"),
     [
         (bomb, "has a DOCTYPE"),
         (lambda _: '<!DOCTYPE SCL SYSTEM "file:///etc/passwd"><SCL/>', "has a DOCTYPE"),
@@ -201,9 +201,9 @@ def bomb(_: str) -> str:
         (lambda text: text.replace("<BDA ", '<BDA bType="Struct" type="loop" ', 1), "duplicate attribute"),
     ],
 )
-def test_hostile_files_are_refused(tool: Tool, own: str, hostile: Callable[[str], str], said: str) -> None:
+def test_hostile_files_are_refused(tool: Tool, own: str, hostile: Callable[[str], str], message: str) -> None:
     code, out, error = tool.take(hostile(own))
-    assert (code, out) == (2, "") and said in error
+    assert (code, out) == (2, "") and message in error
 
 
 def test_a_file_of_several_ieds_needs_one_named(tool: Tool, own: str) -> None:

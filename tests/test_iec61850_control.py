@@ -146,12 +146,13 @@ WELL = {"done": True, "error": 0, "cause": 0}
 
 @pytest.mark.slow
 def test_libiec61850_operates_a_breaker(plant: Plant) -> None:
-    said = foreign(plant, BREAKER, "true", "select", "operate")
-    assert said == {"model": 4, "select": WELL, "operate": WELL, "terminations": [{"error": 0, "cause": 0}]}
+    answers = foreign(plant, BREAKER, "true", "select", "operate")
+    terminations = [{"error": 0, "cause": 0}]
+    assert answers == {"model": 4, "select": WELL, "operate": WELL, "terminations": terminations}
     assert (plant.coil(2), plant.coil(3)) == (0, 1)
-    said = foreign(plant, BREAKER, "false", "select", "cancel", "operate")
-    assert (said["select"], said["cancel"]) == (WELL, WELL)
-    assert said["operate"] == {"done": False, "error": 1, "cause": NOT_SELECTED}
+    answers = foreign(plant, BREAKER, "false", "select", "cancel", "operate")
+    assert (answers["select"], answers["cancel"]) == (WELL, WELL)
+    assert answers["operate"] == {"done": False, "error": 1, "cause": NOT_SELECTED}
 
 
 def test_the_value_is_there_before_the_termination(plant: Plant) -> None:
@@ -360,6 +361,6 @@ def test_normal_security_has_no_termination(plant: Plant) -> None:
         assert act(client, "Oper", BREAKER) == DENIED
         assert cause(client, BREAKER) == NOT_SELECTED
         assert client.information == []
-    said = foreign(plant, BREAKER, "false", "select", "operate")
-    assert said == {"model": 2, "select": WELL, "operate": WELL, "terminations": []}
+    answers = foreign(plant, BREAKER, "false", "select", "operate")
+    assert answers == {"model": 2, "select": WELL, "operate": WELL, "terminations": []}
     plant.gateway.wait_for(lambda: (plant.coil(2), plant.coil(3)) == (1, 0), 60.0, "the breaker is off")

@@ -149,13 +149,13 @@ Describe = Callable[..., bytes]
 def describe(programs: Path, tmp_path: Path) -> Describe:
     """What `rtud --scl` prints of a configuration; `said`: on stderr."""
 
-    def run(config: dict[str, Any], *options: str, code: int = 0, said: str = "") -> bytes:
+    def run(config: dict[str, Any], *options: str, code: int = 0, message: str = "") -> bytes:
         file = tmp_path / "gateway.json"
         file.write_text(json.dumps(config))
         command = [programs / "rtud/rtud", "--scl", *options, file]
         result = subprocess.run(command, capture_output=True, check=False)
         assert result.returncode == code, result.stderr
-        assert said in result.stderr.decode()
+        assert message in result.stderr.decode()
         return result.stdout
 
     return run
@@ -400,7 +400,7 @@ def test_a_reservation_outlives_the_association_of_its_client(gateway: Gateway) 
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ({"points": ["t1.tap", "feeder10.active-power"]}, "another common address"),
         ({"points": ["t1.tap", "t1.tap"]}, "in the data set already"),
@@ -418,10 +418,10 @@ def test_a_reservation_outlives_the_association_of_its_client(gateway: Gateway) 
         ({"reports": [{"name": "x", "triggers": ["GI"]}]}, "is none of dchg qchg dupd period gi"),
     ],
 )
-def test_data_sets_are_checked(describe: Describe, change: dict[str, Any], said: str) -> None:
+def test_data_sets_are_checked(describe: Describe, change: dict[str, Any], message: str) -> None:
     config = site_config(102)
     config["iec61850"]["data_sets"] = [CHOSEN[0] | change, CHOSEN[-1]]
-    describe(config, code=1, said=said)
+    describe(config, code=1, message=message)
 
 
 def test_an_icd_is_of_any_such_ied(describe: Describe) -> None:
@@ -430,7 +430,7 @@ def test_an_icd_is_of_any_such_ied(describe: Describe) -> None:
     file = scl.File(text)
     assert file.ied.get("name") == "TEMPLATE"
     assert file.root.find("Communication", scl.NS) is None
-    assert describe(chapter_5(), code=1, said='has no object "iec61850"') == b""
+    assert describe(chapter_5(), code=1, message='has no object "iec61850"') == b""
 
 
 def test_names_are_escaped(describe: Describe) -> None:
@@ -518,7 +518,7 @@ def test_goose_control_blocks_of_the_ied_are_in_it(describe: Describe) -> None:
         "interface": "eth1",
         "publish": [publication("bay", DEVICE), publication("x", "GW1LD0")],
     }
-    text = describe(config, "--cid", said="goose.publish[1] is left out")
+    text = describe(config, "--cid", message="goose.publish[1] is left out")
     assert scl.errors(text) == []
     file = scl.File(text)
     (block,) = file.root.iter(f"{{{scl.NS['']}}}GSEControl")

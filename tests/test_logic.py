@@ -737,8 +737,8 @@ def test_random_programs_do_what_a_second_interpreter_does(seeds: int, least: in
                 expected = reference.scan(tree, inputs)
                 found = {name: (value.value, value.quality) for name, value in scan.outputs.items()}
                 assert found == expected, f"seed {seed}, scan {n}\n{text_of(tree)}"
-                said = [text for _, text in scan.messages]
-                assert said == reference.messages(), f"seed {seed}, scan {n}\n{text_of(tree)}"
+                texts = [text for _, text in scan.messages]
+                assert texts == reference.messages(), f"seed {seed}, scan {n}\n{text_of(tree)}"
                 assert sum(scan.faults) == reference.faults, f"seed {seed}, scan {n}\n{text_of(tree)}"
                 doubtful += sum(quality != 0 for _, quality in expected.values())
         faults += reference.faults
@@ -767,7 +767,7 @@ def test_a_damaged_program_is_refused_or_harmless(example: str, tmp_path: Path) 
             octets[chance.randrange(16, len(octets))] = chance.choice([0, 1, 255, chance.randrange(256)])
         octets[12:16] = struct.pack("<I", zlib.crc32(octets[16:]))
         file.write_bytes(octets)
-        lines = "scan 0 0 0 20000 42b40000:0:0 1:0:0 1:0:0\nsaid\n" * 3 + "coverage\n"
+        lines = "scan 0 0 0 20000 42b40000:0:0 1:0:0 1:0:0\nmessages\n" * 3 + "coverage\n"
         done = subprocess.run(
             [*desk_command(), file], input=lines, capture_output=True, text=True, check=False
         )

@@ -139,16 +139,16 @@ def without(config: dict[str, Any], name: str) -> None:
 def test_what_does_not_go_together_is_said(programs: Path, tmp_path: Path, edit: Edit, expected: str) -> None:
     config = copy.deepcopy(document())
     edit(config)
-    code, said = check(programs, tmp_path, config)
+    code, errors = check(programs, tmp_path, config)
     assert code == 1
-    assert any(expected in line for line in said), said
+    assert any(expected in line for line in errors), errors
 
 
 @pytest.mark.parametrize("octets", [b"", b"RTUL", b"\0" * 4000, b"RTUL\1\0" + bytes(300)])
 def test_a_file_that_is_no_program_is_refused(programs: Path, tmp_path: Path, octets: bytes) -> None:
-    code, said = check(programs, tmp_path, document(), octets)
+    code, errors = check(programs, tmp_path, document(), octets)
     assert code == 1
-    assert any("expected a file that openrtu-logic compile has written" in line for line in said), said
+    assert any("expected a file that openrtu-logic compile has written" in line for line in errors), errors
 
 
 def test_a_damaged_program_is_refused(programs: Path, tmp_path: Path) -> None:
@@ -156,8 +156,8 @@ def test_a_damaged_program_is_refused(programs: Path, tmp_path: Path) -> None:
     for _ in range(40):
         octets = bytearray(whole)
         octets[chance.randrange(8, len(octets))] ^= 1 << chance.randrange(8)
-        code, said = check(programs, tmp_path, document(), bytes(octets[: chance.choice((None, -7))]))
-        assert (code, bool(said)) == (1, True)
+        code, errors = check(programs, tmp_path, document(), bytes(octets[: chance.choice((None, -7))]))
+        assert (code, bool(errors)) == (1, True)
 
 
 @pytest.mark.parametrize("place", ["logic[0]", "logic[0].points[0]"])
@@ -170,11 +170,11 @@ def test_schema_and_loader_know_the_same_keys(programs: Path, tmp_path: Path, pl
     )
     target["zzzzzzzz"] = 0
     assert not Draft202012Validator(SCHEMA).is_valid(config)
-    _, said = check(programs, tmp_path, config)
-    (line,) = [line for line in said if "zzzzzzzz" in line]
+    _, errors = check(programs, tmp_path, config)
+    (line,) = [line for line in errors if "zzzzzzzz" in line]
     assert line.partition("expected one of ")[2].split(", ") == list(SCHEMA["$defs"][name]["properties"])
     for key in SCHEMA["$defs"][name]["required"]:
         config = document()
         del (config["logic"][0] if name == "program" else config["logic"][0]["points"][0])[key]
-        _, said = check(programs, tmp_path, config)
-        assert any(f"{place}.{key}: is missing" in line for line in said), said
+        _, errors = check(programs, tmp_path, config)
+        assert any(f"{place}.{key}: is missing" in line for line in errors), errors

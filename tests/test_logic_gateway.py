@@ -271,8 +271,8 @@ def test_a_sequence_starts_a_pump_at_the_limit_that_a_master_set(desk: Desk) -> 
     wait_value(desk, "limit", 70)
     wait_value(desk, "pump", "on")
     wait_value(desk, "starts", before + 1)
-    said = f"rtu-logic-filling info: start {before + 1} of the pump at 75\n"
-    desk.gateway.wait_for(lambda: said in desk.gateway.log(), WAIT_S, said)
+    line = f"rtu-logic-filling info: start {before + 1} of the pump at 75\n"
+    desk.gateway.wait_for(lambda: line in desk.gateway.log(), WAIT_S, line)
     desk.set_and_scan(DEVICE, "input_registers", LEVEL, [10])
     wait_value(desk, "pump", "off")
     assert desk.lines.get(DEVICE, "coils", PUMP) == 0
@@ -355,8 +355,8 @@ def test_an_endless_loop_invalidates_the_outputs_and_names_the_line(desk: Desk) 
     wait_value(desk, "out", 7)
     desk.set_and_scan(DEVICE, "discrete_inputs", SPIN, [1])
     wait_value(desk, "out", None, "invalid")
-    said = "rtu-logic-endless warning: line 4: too many instructions"
-    desk.gateway.wait_for(lambda: said in desk.gateway.log(), WAIT_S, said)
+    line = "rtu-logic-endless warning: line 4: too many instructions"
+    desk.gateway.wait_for(lambda: line in desk.gateway.log(), WAIT_S, line)
     counted = {
         counter["counter"]: counter["value"]
         for counter in desk.gateway.query("counters", "rtu-logic-endless")
@@ -492,6 +492,6 @@ def test_a_program_that_says_the_same_in_each_scan_does_not_fill_the_log(desk: D
     """Ten lines in ten seconds; the fixture's gateway has run for longer, or does so soon."""
     left_out = re.compile(r"rtu-logic-endless warning: (\d+) messages of the program were left out\n")
     desk.gateway.wait_for(lambda: left_out.search(desk.gateway.log()), WAIT_S, "the messages left out")
-    said = desk.gateway.log()
-    begun = 1 + 3 + len(left_out.findall(said))  # three more processes: those that were killed
-    assert 0 < said.count("rtu-logic-endless info: out is 7") <= 10 * begun
+    log = desk.gateway.log()
+    begun = 1 + 3 + len(left_out.findall(log))  # three more processes: those that were killed
+    assert 0 < log.count("rtu-logic-endless info: out is 7") <= 10 * begun

@@ -784,7 +784,7 @@ def test_no_memory_is_allocated_once_it_runs(gateway: Run, town: Outstation) -> 
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ({"addresses": []}, "addresses: is empty, expected one address, or two"),
         ({"addresses": ["town.example"]}, "addresses[0]: is not an IP address"),
@@ -806,12 +806,14 @@ def test_no_memory_is_allocated_once_it_runs(gateway: Run, town: Outstation) -> 
         ),
     ],
 )
-def test_mistakes_of_an_outstation(programs: Path, tmp_path: Path, change: dict[str, Any], said: str) -> None:
-    assert said in errors(programs, tmp_path, outstation(2404) | change)
+def test_mistakes_of_an_outstation(
+    programs: Path, tmp_path: Path, change: dict[str, Any], message: str
+) -> None:
+    assert message in errors(programs, tmp_path, outstation(2404) | change)
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ({"type": "integer"}, "type: "),
         ({"select": True}, 'select: is of a point that takes commands, expected "command": true'),
@@ -831,9 +833,9 @@ def test_mistakes_of_an_outstation(programs: Path, tmp_path: Path, change: dict[
         ({"count": 1001}, "count: 1001 is out of range"),
     ],
 )
-def test_mistakes_of_a_point(programs: Path, tmp_path: Path, change: dict[str, Any], said: str) -> None:
+def test_mistakes_of_a_point(programs: Path, tmp_path: Path, change: dict[str, Any], message: str) -> None:
     listed = [{"type": "single", "ioa": 2}, {"type": "single", "ioa": 1} | change]
-    assert said in errors(programs, tmp_path, outstation(2404, sets=[{"ca": 1, "points": listed}]))
+    assert message in errors(programs, tmp_path, outstation(2404, sets=[{"ca": 1, "points": listed}]))
 
 
 def test_example_of_the_page_is_right(programs: Path) -> None:
@@ -854,8 +856,8 @@ def test_page_names_every_counter(gateway: Run, town: Outstation) -> None:
 
 def test_too_many_points(programs: Path, tmp_path: Path) -> None:
     listed = [{"type": "single", "ioa": 1 + 1000 * number, "count": 1000} for number in range(5)]
-    said = errors(programs, tmp_path, outstation(2404, sets=[{"ca": 1, "points": listed}]))
-    assert "outstations: has 5000 points, expected at most 4096" in said
+    found = errors(programs, tmp_path, outstation(2404, sets=[{"ca": 1, "points": listed}]))
+    assert "outstations: has 5000 points, expected at most 4096" in found
 
 
 def errors(programs: Path, folder: Path, wanted: dict[str, Any]) -> str:

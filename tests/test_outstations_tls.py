@@ -133,21 +133,21 @@ def test_our_own_station(gateway: Run, programs: Path, pki: Pki, version: str) -
 
 
 @pytest.mark.parametrize(
-    ("tls", "keys", "said"),
+    ("tls", "keys", "message"),
     [
         ({}, {"certificate": "substation 8"}, "not the certificate of this station"),
         ({"ca": "theirs/ca.pem"}, {}, "certificate is not from a known CA"),
     ],
 )
 def test_station_that_is_another_is_refused(
-    gateway: Run, programs: Path, pki: Pki, town: Outstation, tls: Config, keys: Config, said: str
+    gateway: Run, programs: Path, pki: Pki, town: Outstation, tls: Config, keys: Config, message: str
 ) -> None:
     folder = pki.ours.folder.parent
     with gateway_with(pki, programs) as below:
         secure = outstation("other", below.address[1], CA, STATION, 30001, secure=True, **keys)
         plain = outstation("plain", town.port, CA + 1, THERE, 7)
         one = gateway(secured(pki, **{key: str(folder / file) for key, file in tls.items()}), secure, plain)
-        wait_said(one, said)
+        wait_said(one, message)
         wait_said(one, "other: 127.0.0.1 made no secure connection")
         assert wait_good(one, "plain.power") == 2.5
         assert counter(one, "other.started") == 0
@@ -170,7 +170,7 @@ def test_gateway_that_the_outstation_does_not_know(gateway: Run, programs: Path,
 
 
 @pytest.mark.parametrize(
-    ("keys", "tls", "said"),
+    ("keys", "tls", "message"),
     [
         (
             {"secure": True},
@@ -185,10 +185,10 @@ def test_gateway_that_the_outstation_does_not_know(gateway: Run, programs: Path,
         ),
     ],
 )
-def test_mistakes(programs: Path, tmp_path: Path, pki: Pki, keys: Config, tls: bool, said: str) -> None:
+def test_mistakes(programs: Path, tmp_path: Path, pki: Pki, keys: Config, tls: bool, message: str) -> None:
     file = tmp_path / "gateway.json"
     wanted = {"outstations": [outstation("town", 2404, CA, THERE, 7) | keys], **(secured(pki) if tls else {})}
     file.write_text(json.dumps(wanted))
     command = [programs / "rtud" / "rtud", "--check", file]
     done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
-    assert (done.returncode, said in done.stdout + done.stderr) == (1, True), done.stdout + done.stderr
+    assert (done.returncode, message in done.stdout + done.stderr) == (1, True), done.stdout + done.stderr

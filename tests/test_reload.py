@@ -186,8 +186,8 @@ def test_what_needs_a_restart_says_why(site: Site) -> None:
     config["iec104"] = config.get("iec104", {}) | {"own_ca": 9}
     before = pids(site)
     code, _, errors = site.reload(config)
-    said = "iec104.own_ca has changed: this needs a restart of rtud, because the process that has"
-    assert (code, said in errors) == (1, True), errors
+    message = "iec104.own_ca has changed: this needs a restart of rtud, because the process that has"
+    assert (code, message in errors) == (1, True), errors
     assert pids(site) == before
     assert not [name for name in site.gateway.map.iterdir() if "+1" in name.name]
 
@@ -396,7 +396,7 @@ def foreign(site: Site, script: str) -> Config:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("script", "said"),
+    ("script", "message"),
     [
         ("raise SystemExit(3)\n", "other does not come up: the configuration stays as it was\n"),
         (
@@ -406,11 +406,11 @@ def foreign(site: Site, script: str) -> Config:
     ],
     ids=["never attaches", "ends at once"],
 )
-def test_module_that_does_not_come_up_takes_the_change_back(site: Site, script: str, said: str) -> None:
+def test_module_that_does_not_come_up_takes_the_change_back(site: Site, script: str, message: str) -> None:
     before, points = pids(site), set(site.gateway.points())
     broken = reduced(site.config, *SMALL, "2.20") | {"modules": [foreign(site, script)]}
     code, _, errors = site.reload(broken)
-    assert (code, said in errors) == (1, True), errors
+    assert (code, message in errors) == (1, True), errors
     after = pids(site)
     assert {name: after[name] for name in before} == before
     assert set(site.gateway.points()) == points

@@ -180,8 +180,8 @@ def test_a_server_of_iec_61850_comes_changes_and_goes(desk: Running) -> None:
     server = {"address": "127.0.0.1", "port": port, "controllers": ["127.0.0.1"]}
     assert "rtu-iec61850 is added\n" in desk.take(iec61850=server)
     lamp = "OpenRTUCA1005/GGIO1.SPCSO1"
-    said = operate(port, lamp, "true", "operate")
-    assert said["operate"]["done"], said
+    answers = operate(port, lamp, "true", "operate")
+    assert answers["operate"]["done"], answers
     assert desk.lamp() == 1
     report = desk.take(iec61850=server | {"control_security": "normal", "report_buffer": 512})
     assert "rtu-iec61850 gets a new process\n" in report

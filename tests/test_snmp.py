@@ -1019,8 +1019,8 @@ def test_a_damaged_number_of_boots_keeps_the_agent_down(site: Site, left: bytes)
     file.write_bytes(left)
     before = gateway.ctl("log").count("boots is damaged")
     restarted(site)
-    said = f"{file.parent}/boots is damaged: give the gateway another engine ID"
-    gateway.wait_for(lambda: gateway.ctl("log").count(said) > before, 20.0, "it says so")
+    line = f"{file.parent}/boots is damaged: give the gateway another engine ID"
+    gateway.wait_for(lambda: gateway.ctl("log").count(line) > before, 20.0, "it says so")
     with pytest.raises(Silent):
         site.manager(timeout_s=1).get("rtuStationName.0")
     file.write_bytes(whole)

@@ -181,12 +181,12 @@ def test_headers_keep_others_out(page: Page) -> None:
 def order(client: Client, action: str, name: str, value: str) -> dict[str, Any]:
     answer = client.ask("/api/order", {"action": action, "name": name, "value": value})
     assert answer.status == 200, answer.text
-    said: dict[str, Any] = answer.json()
+    state: dict[str, Any] = answer.json()
     limit = time.monotonic() + WAIT_S
-    while not said["ended"] and time.monotonic() < limit:
+    while not state["ended"] and time.monotonic() < limit:
         time.sleep(0.02)
-        said = client.ask(f"/api/command?number={said['number']}").json()
-    return said
+        state = client.ask(f"/api/command?number={state['number']}").json()
+    return state
 
 
 def test_selection_and_execution(page: Page, operator: Client) -> None:
@@ -197,8 +197,8 @@ def test_selection_and_execution(page: Page, operator: Client) -> None:
     done = order(operator, "execute", "breaker", "on")
     assert (done["state"], done["result"]) == ("executed command", "done")
     assert page.lines.get(DEVICE, "coils", 0) == 1
-    said = "operator: execute breaker = on: executed command: done"
-    page.gateway.wait_for(lambda: said in page.gateway.log(), WAIT_S, "it is in the log")
+    line = "operator: execute breaker = on: executed command: done"
+    page.gateway.wait_for(lambda: line in page.gateway.log(), WAIT_S, "it is in the log")
 
 
 def test_selection_is_given_up(operator: Client) -> None:
@@ -237,8 +237,8 @@ def test_a_command_whose_owner_dies_is_of_unknown_fate(page: Page, operator: Cli
         WAIT_S,
         "it has ended",
     )
-    said = operator.ask(f"/api/command?number={answer['number']}").json()
-    assert said["result"] == "unknown fate"
+    state = operator.ask(f"/api/command?number={answer['number']}").json()
+    assert state["result"] == "unknown fate"
     page.lines.fault(DEVICE, "clear")
     page.gateway.wait_for(
         lambda: page.gateway.points()["level"]["quality"] == "good", WAIT_S, "the device is back"
@@ -260,13 +260,13 @@ def said_to(page: Page, octets: bytes) -> bytes:
         with contextlib.suppress(OSError):
             connection.sendall(octets)
         connection.settimeout(2)
-        said = b""
+        received = b""
         with contextlib.suppress(OSError):
             while piece := connection.recv(4096):
-                said += piece
-                if b"\r\n\r\n" in said:
+                received += piece
+                if b"\r\n\r\n" in received:
                     break
-        return said
+        return received
 
 
 @pytest.mark.parametrize(
@@ -290,10 +290,10 @@ def said_to(page: Page, octets: bytes) -> bytes:
     ],
 )
 def test_hostile_requests(page: Page, viewer: Client, request_: bytes, statuses: set[int]) -> None:
-    said = said_to(page, request_)
-    status = int(said.split(b" ", 2)[1]) if said else 0
+    received = said_to(page, request_)
+    status = int(received.split(b" ", 2)[1]) if received else 0
     assert status in statuses
-    assert b"root:" not in said
+    assert b"root:" not in received
     assert viewer.ask("/api/state").status == 200
 
 

@@ -153,7 +153,7 @@ class Desk:
     def _messages(self) -> tuple[tuple[int, str], ...]:
         if not self._says:
             return ()
-        *words, _ = self._ask("said").split()
+        *words, _ = self._ask("messages").split()
         pairs = (word.split(":") for word in words)
         return tuple((int(line), bytes.fromhex(text).decode(errors="replace")) for line, text in pairs)
 

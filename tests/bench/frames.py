@@ -70,10 +70,10 @@ def browser_s() -> float:
     parents, used = {}, {}
     for file in Path("/proc").glob("[0-9]*/stat"):
         with contextlib.suppress(OSError):  # it has ended meanwhile
-            said = file.read_text().rpartition(")")[2].split()
-            parents[int(file.parent.name)] = int(said[1])
+            fields = file.read_text().rpartition(")")[2].split()
+            parents[int(file.parent.name)] = int(fields[1])
             if "--type=" in (file.parent / "cmdline").read_text():
-                used[int(file.parent.name)] = int(said[11]) + int(said[12])
+                used[int(file.parent.name)] = int(fields[11]) + int(fields[12])
     mine = {os.getpid()}
     while found := {each for each, parent in parents.items() if parent in mine} - mine:
         mine |= found
@@ -82,8 +82,8 @@ def browser_s() -> float:
 
 def scripts_s(metrics: CDPSession) -> float:
     """How long the page's scripts have run."""
-    said = metrics.send("Performance.getMetrics")["metrics"]
-    return float(next(each["value"] for each in said if each["name"] == "ScriptDuration"))
+    measured = metrics.send("Performance.getMetrics")["metrics"]
+    return float(next(each["value"] for each in measured if each["name"] == "ScriptDuration"))
 
 
 def answers(port: int) -> None:

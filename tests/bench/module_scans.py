@@ -127,14 +127,14 @@ def measured(points: int, script: Path, net: bool = False, changing: bool = Fals
         source = compiled(directory, "source", HERE / "scan_source.c") if changing else ""
         config = configuration(points, make(directory, "scanner", script), net, source)
         with Gateway(config, directory) as gateway:
-            said = gateway.log_file
+            log = gateway.log_file
             gateway.wait_for(
-                lambda: "BENCH end" in said.read_text(errors="replace"),
+                lambda: "BENCH end" in log.read_text(errors="replace"),
                 READ_TIMEOUT_S,
                 "it has measured",
             )
             size = sum(file.stat().st_size for file in (directory / "map").iterdir() if file.is_file())
-            return readings_of(said.read_text(errors="replace")), size / 1024
+            return readings_of(log.read_text(errors="replace")), size / 1024
 
 
 def copied(points: int) -> Readings:
@@ -196,13 +196,13 @@ def counted(points: int, changing: bool) -> Counts:
             subprocess.Popen(words, stderr=subprocess.PIPE, text=True) as scanner,
         ):
             assert scanner.stderr is not None
-            said = ""
+            output = ""
             for line in scanner.stderr:
-                said += line
+                output += line
                 if line.startswith("BENCH end"):
                     break
             scanner.terminate()
-            return counts_of(said)
+            return counts_of(output)
 
 
 def counted_rows(sizes: tuple[int, ...]) -> Iterator[tuple[str, str]]:

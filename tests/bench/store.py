@@ -48,7 +48,7 @@ EVENTS, POSITIONS = "events", "positions"
 
 def records(what: str, stations: int, number: int, at_ns: int) -> list[Record]:
     """So many of different stations, one after the other."""
-    said = []
+    made = []
     for each in range(TRANSACTION):
         at_ns += 1000  # no two are the same
         station = (number * TRANSACTION + each) % stations
@@ -64,8 +64,8 @@ def records(what: str, stations: int, number: int, at_ns: int) -> list[Record]:
         value = (at_ns // 1000 % 2**31).to_bytes(4, "little")
         rest = value + bytes([0, 0, Content.SCALED]) + bytes(5) if what == EVENTS else value * 3
         kind = Kind.INFORMATION if what == EVENTS else Kind.POSITION
-        said.append(Record(kind=kind, type=35 if what == EVENTS else 201, rest=rest, **of_all))
-    return said
+        made.append(Record(kind=kind, type=35 if what == EVENTS else 201, rest=rest, **of_all))
+    return made
 
 
 @dataclass(frozen=True)
@@ -170,8 +170,8 @@ async def watch(port: int, count: int, seconds: float) -> tuple[Seen, int, int]:
             try:
                 async with session.post(
                     f"{address}/api/login", json={"name": USER, "password": PASSWORD}
-                ) as said:
-                    said.raise_for_status()
+                ) as response:
+                    response.raise_for_status()
                     break
             except aiohttp.ClientConnectionError as error:
                 if time.monotonic() > end:

@@ -29,5 +29,5 @@ def test_readings_are_told_from_what_else_is_in_the_log() -> None:
 
 
 def test_counts_are_the_median_of_all_batches() -> None:
-    said = "COUNT octets 7\nCOUNT calls 5\nBENCH row 900\nCOUNT octets 9\nCOUNT octets 100\n"
-    assert counts_of(said) == {"octets": 9, "calls": 5}
+    output = "COUNT octets 7\nCOUNT calls 5\nBENCH row 900\nCOUNT octets 9\nCOUNT octets 100\n"
+    assert counts_of(output) == {"octets": 9, "calls": 5}

@@ -199,7 +199,7 @@ class Watch:
     """A page that watches, without a browser: all that it is told, in a thread of the stations'."""
 
     def __init__(self, stations: Stations, client: Client, view: dict[str, Any]) -> None:
-        self.said: list[dict[str, Any]] = []
+        self.messages: list[dict[str, Any]] = []
         self.client = client
         self.socket: aiohttp.ClientWebSocketResponse | None = None
         self.stations = stations
@@ -212,7 +212,7 @@ class Watch:
         ):
             await self.socket.send_json(view)
             async for message in self.socket:
-                self.said.append(message.json())
+                self.messages.append(message.json())
 
     def look(self, view: dict[str, Any]) -> None:
         assert self.socket
@@ -220,10 +220,10 @@ class Watch:
 
     @property
     def fault(self) -> str:
-        return str(self.said[-1]["fault"]) if self.said else ""
+        return str(self.messages[-1]["fault"]) if self.messages else ""
 
     def __enter__(self) -> Self:
-        until(lambda: self.said, "the page is told all once")
+        until(lambda: self.messages, "the page is told all once")
         return self
 
     def __exit__(self, *_: object) -> None:

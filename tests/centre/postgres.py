@@ -58,10 +58,10 @@ class Server:
     def start(self) -> None:
         """Its answers go to a file: what it starts would hold a pipe."""
         options = f"{SETTINGS} -c unix_socket_directories={self.folder}"
-        with (self.folder / "start").open("w") as said:
+        with (self.folder / "start").open("w") as log:
             subprocess.run(
                 [*self.before, self.programs / "pg_ctl", "-D", self.data, "-w", "-o", options, "start"],
-                cwd=self.folder, stdout=said, stderr=said, timeout=LIMIT_S, check=True,
+                cwd=self.folder, stdout=log, stderr=log, timeout=LIMIT_S, check=True,
             )  # fmt: skip
 
     def stop(self) -> None:

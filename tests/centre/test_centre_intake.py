@@ -36,7 +36,7 @@ def intake(store: Store) -> Intake:
     return made
 
 
-def said(value: float, at_ms: int, cause: int = SPONTANEOUS, flags: int = TAGGED, ioa: int = 1) -> Record:
+def record(value: float, at_ms: int, cause: int = SPONTANEOUS, flags: int = TAGGED, ioa: int = 1) -> Record:
     at_ns = NOW + at_ms * 1_000_000
     rest = struct.pack("<fHB5x", value, 0, Content.FLOAT)
     return Record(
@@ -71,27 +71,31 @@ def history(store: Store, ioa: int = 1) -> list[tuple[float, int, int]]:
 
 def test_an_event_that_came_before_says_nothing(store: Store, intake: Intake) -> None:
     """In the same batch or in an earlier one; its like of another time, value or point does."""
-    assert take(store, intake, said(1, 0), said(2, 1), said(1, 0), said(1, 0, ioa=2)) == [
+    assert take(store, intake, record(1, 0), record(2, 1), record(1, 0), record(1, 0, ioa=2)) == [
         (1, 0),
         (2, 0),
         (1, 0),
     ]
-    assert take(store, intake, said(1, 0), said(2, 1), said(2, 2)) == [(2, 0)]
+    assert take(store, intake, record(1, 0), record(2, 1), record(2, 2)) == [(2, 0)]
     assert history(store) == [(1, 0, SPONTANEOUS), (2, 0, SPONTANEOUS), (2, 0, SPONTANEOUS)]
     assert history(store, 2) == [(1, 0, SPONTANEOUS)]
 
 
 def test_what_is_no_event_is_stored_when_it_changes(store: Store, intake: Intake) -> None:
-    polled = [said(value, at, INTERROGATED, 0) for value, at in ((1, 0), (1, 1), (2, 2))]
+    polled = [record(value, at, INTERROGATED, 0) for value, at in ((1, 0), (1, 1), (2, 2))]
     assert take(store, intake, *polled) == [(1, 0), (1, 0), (2, 0)]
-    tagged = [said(value, at, REQUESTED) for value, at in ((2, 3), (3, 4))]
+    tagged = [record(value, at, REQUESTED) for value, at in ((2, 3), (3, 4))]
     assert take(store, intake, *tagged) == [(2, 0), (3, 0)]
-    assert take(store, intake, said(2, 5, flags=0), said(3, 4, REQUESTED)) == [(2, 0)]
+    assert take(store, intake, record(2, 5, flags=0), record(3, 4, REQUESTED)) == [(2, 0)]
     stored = [(1, INTERROGATED), (2, INTERROGATED), (3, REQUESTED), (2, SPONTANEOUS)]
     assert [(value, cause) for value, _, cause in history(store)] == stored
 
 
 def test_what_is_no_number_keeps_the_last_one(store: Store, intake: Intake) -> None:
     nan = float("nan")
-    assert take(store, intake, said(nan, 0), said(5, 1), said(nan, 2)) == [(0, INVALID), (5, 0), (5, INVALID)]
-    assert take(store, intake, said(nan, 3)) == [(5, INVALID)]
+    assert take(store, intake, record(nan, 0), record(5, 1), record(nan, 2)) == [
+        (0, INVALID),
+        (5, 0),
+        (5, INVALID),
+    ]
+    assert take(store, intake, record(nan, 3)) == [(5, INVALID)]

@@ -41,12 +41,12 @@ def test_no_event_is_lost_and_none_comes_twice(
     kills = KILLS // 2 if server else KILLS
     station = stations.station()
     begin_ms = time.time_ns() // 1_000_000 - EVENTS
-    said = 0
+    sent = 0
     with Site(programs, tmp_path, [described(station, tmp_path)], users=(), server=server) as site:
         for kill in range(kills):
             for _ in range(EVENTS // kills):
-                stations.say(station, 4, M_ME_TF_1, measured(begin_ms + said, float(said)))
-                said += 1
+                stations.say(station, 4, M_ME_TF_1, measured(begin_ms + sent, float(sent)))
+                sent += 1
             wanted = len(stored(site)) + chance.randrange(EVENTS // kills // 2)
             until(lambda wanted=wanted: len(stored(site)) >= min(wanted, EVENTS), "some are stored", PAUSE_S)
             if server and kill % 3 == 2:
@@ -61,7 +61,7 @@ def test_no_event_is_lost_and_none_comes_twice(
         until(lambda: len(set(stored(site))) == EVENTS, "all are stored", PAUSE_S)
         until(lambda: not station.queue, "the station is told that it may forget them")
         assert station.connections >= kills // 2
-    assert stored(site) == list(range(said))
+    assert stored(site) == list(range(sent))
     stations.do(station.stop())
 
 
@@ -124,7 +124,7 @@ def test_database_that_takes_nothing_holds_the_events_back(
 ) -> None:
     """Nothing is acknowledged then, the page is told why, and all is stored at last, once."""
     station = stations.station()
-    said: list[int] = []
+    sent: list[int] = []
     troubles = {locked: "not answered", full: "File too large" if server else "disk I/O error"}
     if server:  # a file that is open cannot go
         troubles[gone] = ""
@@ -135,15 +135,15 @@ def test_database_that_takes_nothing_holds_the_events_back(
             for trouble, why in troubles.items():
                 with trouble(site):
                     for _ in range(EVENTS_AT_ONCE):
-                        said.append(len(said) + 1)
-                        event = measured(time.time_ns() // 1_000_000, float(said[-1]))
+                        sent.append(len(sent) + 1)
+                        event = measured(time.time_ns() // 1_000_000, float(sent[-1]))
                         stations.say(station, 4, M_ME_TF_1, event)
                     assert why in until(lambda: page.fault, f"the page is told of {trouble.__name__}")
                     assert station.queue
-                until(lambda: set(stored(site)) >= set(said), "all is stored at last", PAUSE_S)
+                until(lambda: set(stored(site)) >= set(sent), "all is stored at last", PAUSE_S)
                 until(lambda: not page.fault, "all is well")
         assert station.connections == 1
-        assert stored(site) == said
+        assert stored(site) == sent
     stations.do(station.stop())
 
 

@@ -111,8 +111,8 @@ def station(stations: Stations) -> Iterator[Station]:
 def settings(broker: Broker, **keys: Any) -> dict[str, Any]:
     (broker.folder / "password").write_text("secret\n")
     (broker.folder / "password").chmod(0o600)
-    said = {"host": "127.0.0.1", "port": broker.port, "user": "centre", "password_file": "password"}
-    return {**said, "tls": {"ca": "ca.pem"}, **keys}
+    broker_of = {"host": "127.0.0.1", "port": broker.port, "user": "centre", "password_file": "password"}
+    return {**broker_of, "tls": {"ca": "ca.pem"}, **keys}
 
 
 @pytest.mark.slow
@@ -121,7 +121,7 @@ def test_all_that_changes_and_birth_and_death(
 ) -> None:
     here = [described(station, tmp_path, "north/one")]
 
-    def said(topic: str) -> dict[str, Any]:
+    def retained(topic: str) -> dict[str, Any]:
         return broker.last(f"openrtu/{topic}") or {}
 
     def say(value: float) -> None:
@@ -130,9 +130,11 @@ def test_all_that_changes_and_birth_and_death(
 
     pump = {"station": "north/one", "ca": 1, "ioa": 2, "value": 1, "id": "first"}
     with Site(programs, tmp_path, here, users=(), centre={"mqtt": settings(broker)}) as site:
-        until(lambda: said("centre").get("online"), "birth")
-        until(lambda: said(NORTH).get("link") == 3, "its link")
-        birth = until(lambda: said(f"{NORTH}/birth").get("online") and said(f"{NORTH}/birth"), "its birth")
+        until(lambda: retained("centre").get("online"), "birth")
+        until(lambda: retained(NORTH).get("link") == 3, "its link")
+        birth = until(
+            lambda: retained(f"{NORTH}/birth").get("online") and retained(f"{NORTH}/birth"), "its birth"
+        )
         assert {"level", "pump"} <= {point["name"] for point in birth["points"]}
         say(2.5)
         stations.say(station, 5, M_SP_TB_1, single(time.time_ns() // 1_000_000, True))
@@ -141,11 +143,11 @@ def test_all_that_changes_and_birth_and_death(
         assert broker.kept(LEVEL)["name"] == "level"
 
         stations.do(station.stop())
-        until(lambda: said(f"{NORTH}/birth") == {"online": False}, "its death")
+        until(lambda: retained(f"{NORTH}/birth") == {"online": False}, "its death")
         stations.do(station.listen())
-        until(lambda: said(f"{NORTH}/birth").get("online"), "its birth")
+        until(lambda: retained(f"{NORTH}/birth").get("online"), "its birth")
         broker.say("centre", '{"online": false}', "-r")  # as the will of an old connection says it
-        until(lambda: said("centre").get("online"), "it lives")
+        until(lambda: retained("centre").get("online"), "it lives")
 
         broker.say("do", json.dumps(pump))  # commands are not configured
         say(2.75)
@@ -170,19 +172,19 @@ def test_all_that_changes_and_birth_and_death(
         site.start_centre()
         until(lambda: ("openrtu/alarm/4711", None) in broker.heard, "an alarm of nobody is forgotten")
         until(lambda: ("openrtu/station/gone", None) in broker.heard, "a station of nobody is forgotten")
-        until(lambda: said("station/north%2Fone").get("link") == 3, "its link")
+        until(lambda: retained("station/north%2Fone").get("link") == 3, "its link")
         assert not station.commanded
         for text in ("nothing", "[]", '{"value": NaN}', '{"value": 1}', '{"execute": 4711}'):
             broker.heard.clear()
             broker.say("do", text)
             assert "error" in until(lambda: broker.last("openrtu/answer"), f"an answer to {text}")
         broker.say("do", json.dumps(pump))
-        number = until(lambda: said("answer").get("id") and said("answer")["command"], "an answer")
+        number = until(lambda: retained("answer").get("id") and retained("answer")["command"], "an answer")
         command = f"command/{number}"
-        until(lambda: said(command).get("state") == State.ACCEPTED_SELECTION, "selected")
+        until(lambda: retained(command).get("state") == State.ACCEPTED_SELECTION, "selected")
         broker.say("do", json.dumps({"execute": number}))
-        until(lambda: said(command).get("state") == State.EXECUTED_COMMAND, "executed")
-        assert said(command)["user"] == "mqtt"
+        until(lambda: retained(command).get("state") == State.EXECUTED_COMMAND, "executed")
+        assert retained(command)["user"] == "mqtt"
         broker.heard.clear()
         assert site.centre
         site.centre.send_signal(signal.SIGTERM)

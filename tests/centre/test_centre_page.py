@@ -106,7 +106,9 @@ def page(browser: Browser, site: Site, asked: list[str]) -> Iterator[Page]:
     made.on("request", lambda request: asked.append(request.url))
     made.on("pageerror", lambda error: wrong.append(str(error)))
     made.on("dialog", lambda dialog: (wrong.append(dialog.message), dialog.dismiss()))
-    made.on("console", lambda said: wrong.append(said.text) if "Content Security" in said.text else None)
+    made.on(
+        "console", lambda message: wrong.append(message.text) if "Content Security" in message.text else None
+    )
     log_in(made, site.port, "olga", PASSWORD, "stations")
     yield made
     context.close()
@@ -645,7 +647,7 @@ def test_operator_finds_no_users(page: Page) -> None:
     page.evaluate("location.hash = '#users'")
     expect(page.locator("nav a[href='#map']")).to_have_attribute("aria-current", "page")
     for path in ("users", "audit", "audit?format=csv"):
-        assert page.evaluate("(path) => fetch(`api/${path}`).then((said) => said.status)", path) == 403
+        assert page.evaluate("(path) => fetch(`api/${path}`).then((answer) => answer.status)", path) == 403
 
 
 def test_an_engineer_sees_the_frames_of_a_station(browser: Browser, site: Site) -> None:

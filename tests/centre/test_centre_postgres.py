@@ -141,12 +141,12 @@ def test_places_are_geometry_where_there_is_postgis(postgresql: Server) -> None:
         )
         assert postgresql.rows(sql) == [("van", "POINT Z (20.4612 44.8125 117)", "1000")]
     where = f"PG:host={postgresql.folder} user=centre dbname={postgresql.name} schemas=public,gis"
-    said = subprocess.run(
+    done = subprocess.run(
         ["ogrinfo", "-so", where, "track_places"], capture_output=True, text=True, check=True
     )
-    assert "Geometry: 3D Point" in said.stdout
-    assert 'ID["EPSG",4326]' in said.stdout
-    assert "Feature Count: 1" in said.stdout
+    assert "Geometry: 3D Point" in done.stdout
+    assert 'ID["EPSG",4326]' in done.stdout
+    assert "Feature Count: 1" in done.stdout
 
 
 def test_newer_database_and_no_server(postgresql: Server) -> None:

@@ -50,7 +50,7 @@ def test_https_by_a_file(file: Path) -> None:
     assert what.secure  # the cookie
     log = file.with_suffix(".log")
     serving = [sys.executable, "-m", "centre", file, "serve"]
-    with log.open("w") as said, subprocess.Popen(serving, cwd=ROOT, stderr=said) as centre:
+    with log.open("w") as errors, subprocess.Popen(serving, cwd=ROOT, stderr=errors) as centre:
         try:
             ours = ssl.create_default_context(cafile=file.parent / "certificate.pem")
             until(lambda: status(what.port, ours) == 401, "it answers")

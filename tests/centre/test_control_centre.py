@@ -122,9 +122,9 @@ def test_a_wrong_question_is_refused_with_a_reason(operator: Client, path: str) 
 
 
 def test_openapi_has_every_route_and_its_body(operator: Client) -> None:
-    said = operator.get("/api/openapi.json")
-    assert said == document()
-    assert {(method.upper(), path) for path, methods in said["paths"].items() for method in methods} == {
+    described = operator.get("/api/openapi.json")
+    assert described == document()
+    assert {(method.upper(), path) for path, methods in described["paths"].items() for method in methods} == {
         (route.method, route.path) for route in ROUTES
     }
 
@@ -353,8 +353,8 @@ def test_track_with_one_place_of_each_step(site: Site, stations: Stations, north
     path = f"/api/tracks?from={begin}&to={begin + 50_000}"
 
     def ways(**keys: int) -> list[list[str]]:
-        said = client.get(path + "".join(f"&{key}={value}" for key, value in keys.items()))
-        return [[text[17:19] for text in each["properties"]["times"]] for each in said["features"]]
+        answer = client.get(path + "".join(f"&{key}={value}" for key, value in keys.items()))
+        return [[text[17:19] for text in each["properties"]["times"]] for each in answer["features"]]
 
     until(lambda: sum(map(len, ways())) == 49, "all are stored")
     assert [len(way) for way in ways()] == [25, 24]
@@ -474,8 +474,8 @@ def told(client: Client, port: int, view: str) -> dict[str, list[Any]]:
             await socket.send_json({"view": view})
             return dict(await socket.receive_json())
 
-    said = asyncio.run(listen())
-    return {kind: said[kind] for kind in ("stations", "points", "alarms", "commands")}
+    told_to = asyncio.run(listen())
+    return {kind: told_to[kind] for kind in ("stations", "points", "alarms", "commands")}
 
 
 @pytest.mark.slow
@@ -486,7 +486,7 @@ def test_page_is_told_what_its_view_shows_and_only_what_changes(
         stations.say(north, 1, POSITION, position(now_ms(), latitude, longitude, 117))
 
     def told_of(page: Watch, begin: int, kind: str = "points") -> list[Any]:
-        return [each for message in page.said[begin:] for each in message[kind]]
+        return [each for message in page.messages[begin:] for each in message[kind]]
 
     client = site.client("vera")
     go(44.8, 20.5)
@@ -494,7 +494,7 @@ def test_page_is_told_what_its_view_shows_and_only_what_changes(
     until(lambda: point(client, "place")["latitude"] == 44.8, "it is there")
     here, there = [44, 20, 45, 21], [9, 9, 11, 11]
     with Watch(stations, client, {"view": "map", "bounds": here}) as page:
-        first = page.said[0]
+        first = page.messages[0]
         assert [(each["id"], each["name"]) for each in first["points"]] == [(place, "place")]
         assert first["vehicles"] == 1
         assert first["extent"] == [44.8, 20.5, 44.8, 20.5]
@@ -504,18 +504,18 @@ def test_page_is_told_what_its_view_shows_and_only_what_changes(
             time.sleep(0.05)
         until(lambda: told_of(page, 1) and told_of(page, 1)[-1]["latitude"] == 44.829, "it moves")
         assert not any("name" in each for each in told_of(page, 1))
-        moments = [message["now"] for message in page.said]
+        moments = [message["now"] for message in page.messages]
         assert all(b - a > 900 for a, b in itertools.pairwise(moments)), moments
-        begin = len(page.said)
+        begin = len(page.messages)
         go(10, 10)
         until(lambda: told_of(page, begin, "gone") == [place], "it has left the view")
-        begin = len(page.said)
+        begin = len(page.messages)
         stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 1.25))  # no view of a map shows it
         go(10.5, 10)
         until(lambda: point(client, "place")["latitude"] == 10.5, "it moves elsewhere")
         page.look({"view": "map", "bounds": there})
         assert [each["name"] for each in until(lambda: told_of(page, begin), "the other part")] == ["place"]
-        begin = len(page.said)
+        begin = len(page.messages)
         page.look({"view": "map", "bounds": here})
         until(lambda: told_of(page, begin, "gone") == [place], "back again")
         page.look({"view": "map", "bounds": here, "search": "NOR"})
@@ -561,9 +561,9 @@ def test_cookie_is_for_this_site_and_no_script(site: Site) -> None:
     response, _ = site.client().raw(
         "POST", "/api/login", {"name": "vera", "password": "correct horse battery"}
     )
-    said = response.getheader("Set-Cookie") or ""
-    assert "HttpOnly" in said
-    assert "SameSite=Strict" in said
+    cookie = response.getheader("Set-Cookie") or ""
+    assert "HttpOnly" in cookie
+    assert "SameSite=Strict" in cookie
     assert "script-src" not in (response.getheader("Content-Security-Policy") or "")
     assert "default-src 'self'" in (response.getheader("Content-Security-Policy") or "")
 
@@ -587,7 +587,7 @@ def test_page_that_watches_is_told_nothing_after_its_session(
         until(page.listening.done, "it is closed")
         assert page.socket
         assert page.socket.close_code == 4401
-        told = [each["value"] for message in page.said for each in message["points"]]
+        told = [each["value"] for message in page.messages for each in message["points"]]
     assert 2.875 not in told
 
 

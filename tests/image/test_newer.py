@@ -112,11 +112,11 @@ def test_what_is_newer_is_said_and_nothing_is_changed(
     before = {file: file.read_bytes() for file in tree.rglob("*") if file.is_file()}
     commit = buildroot[1]("2026.02.11")
     assert run(tree, kernel_org, buildroot[0]) == 1
-    said = capsys.readouterr().out
-    assert f"patch-{OLD}-rt52.patch.xz, newest patch-{NEW}-rt60.patch.xz" in said
-    assert "Linux 6.1.142: 1 commits, 1 of them near the board:\n  mtd: rawnand: wait long enough\n" in said
-    assert "amdgpu" not in said
-    assert f"Buildroot 2026.02.11 is {commit}" in said
+    output = capsys.readouterr().out
+    assert f"patch-{OLD}-rt52.patch.xz, newest patch-{NEW}-rt60.patch.xz" in output
+    assert "Linux 6.1.142: 1 commits, 1 of them near the board:\n  mtd: rawnand: wait long enough\n" in output
+    assert "amdgpu" not in output
+    assert f"Buildroot 2026.02.11 is {commit}" in output
     assert {file: file.read_bytes() for file in tree.rglob("*") if file.is_file()} == before
 
 

@@ -69,7 +69,7 @@ def test_what_no_symbol_names_has_a_row() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         (ROW.replace(SUM, "12") + "[programs]\n", "jansson needs a version and its .dsc's SHA-256"),
         (ROW.replace('version = "2.14-2"\n', "") + "[programs]\n", "jansson needs a version"),
@@ -84,10 +84,10 @@ def test_what_no_symbol_names_has_a_row() -> None:
         ("[[source]", "Expected"),
     ],
 )
-def test_table_that_is_wrong_is_refused(tmp_path: Path, text: str, said: str) -> None:
+def test_table_that_is_wrong_is_refused(tmp_path: Path, text: str, message: str) -> None:
     file = tmp_path / "offline.toml"
     file.write_text(text)
-    with pytest.raises(UnusableInput, match=re.escape(said)):
+    with pytest.raises(UnusableInput, match=re.escape(message)):
         offline.read_table(file)
 
 
@@ -262,9 +262,9 @@ def toolchain(tmp_path_factory: pytest.TempPathFactory, armel: Path) -> Path:
 @pytest.mark.slow
 def test_toolchain_is_one_that_buildroot_takes(toolchain: Path) -> None:
     gcc = toolchain / "bin/arm-linux-gnueabi-gcc"
-    said = subprocess.run([gcc, "-v"], capture_output=True, text=True, check=True).stderr
-    assert "gcc version 12" in said
-    assert "--with-sysroot=/ " not in said  # what Buildroot knows a distribution's compiler by
+    version = subprocess.run([gcc, "-v"], capture_output=True, text=True, check=True).stderr
+    assert "gcc version 12" in version
+    assert "--with-sysroot=/ " not in version  # what Buildroot knows a distribution's compiler by
     library = subprocess.run(
         [gcc, "-print-file-name=libc.a"], capture_output=True, text=True, check=True
     ).stdout

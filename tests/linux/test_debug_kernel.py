@@ -177,9 +177,9 @@ def unaligned_accesses(linux: Linux) -> dict[str, str]:
 
 def test_everything_at_once_without_a_word(linux: Linux) -> None:
     hosts = " ".join(network.host for network in ETHERNET)
-    said = linux.run(LOAD.format(seconds=LOAD_SECONDS, hosts=hosts), SLOW)
-    table = re.search(r"^\[\s*\{.*\}\s*\]", said, re.MULTILINE | re.DOTALL)
-    assert table is not None, said
+    output = linux.run(LOAD.format(seconds=LOAD_SECONDS, hosts=hosts), SLOW)
+    table = re.search(r"^\[\s*\{.*\}\s*\]", output, re.MULTILINE | re.DOTALL)
+    assert table is not None, output
     restarts = [row["restarts"] for row in json.loads(table[0]) if row["name"].startswith("rtu-modbus")]
     assert sum(restarts) > 0, "none was killed, or rtud did not see it"
     characters = traffic(linux)

@@ -485,8 +485,8 @@ def test_goose_on_either_port(linux: Linux, ports: tuple[Wire, Wire], port: int,
         for state, on in ((1, True), (2, False)):
             heard = len(wire.goose)
             wire.send(wire.frame(GOOSE, of_the_relay(state, on), bytes_of(GOOSE_GROUP)))
-            said = mms.element(0x83, b"\xff" if on else b"\0")
-            assert wire.hears_goose(said, heard, GOOSE_SECONDS), on
+            value = mms.element(0x83, b"\xff" if on else b"\0")
+            assert wire.hears_goose(value, heard, GOOSE_SECONDS), on
     finally:
         linux.run("kill $(cat /tmp/pid); while kill -0 $(cat /tmp/pid); do sleep 0.1; done")
     rows = dissected(

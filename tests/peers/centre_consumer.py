@@ -15,7 +15,7 @@ from typing import Self
 MAGIC = b"RTU1"
 HEADER = struct.Struct("<4sHHQ")
 RECORD = struct.Struct("<BBHIII32s")
-SAID = struct.Struct("<qqBBBB12s")  # the 32 octets of a record that is no STATION
+REPORTED = struct.Struct("<qqBBBB12s")  # the 32 octets of a record that is no STATION
 REQUEST = struct.Struct("<BBHIQI4sBBb5x")
 PACKET_MAX = 65536
 LIMIT_S = 60.0  # for a hang only
@@ -107,11 +107,11 @@ class Record:
 
     @classmethod
     def read(cls, octets: bytes) -> Self:
-        kind, flags, ca, station, connection, ioa, said = RECORD.unpack(octets)
+        kind, flags, ca, station, connection, ioa, tail = RECORD.unpack(octets)
         head = (Kind(kind), Flag(flags), ca, station, connection, ioa)
         if kind == Kind.STATION:
-            return cls(*head, name=said.rstrip(b"\0").decode())
-        received, wall, type_, cause, quality, detail, rest = SAID.unpack(said)
+            return cls(*head, name=tail.rstrip(b"\0").decode())
+        received, wall, type_, cause, quality, detail, rest = REPORTED.unpack(tail)
         return cls(*head, "", received, wall, type_, cause, quality, detail, rest)
 
     @property

@@ -76,13 +76,13 @@ def hear(interface: str, control: str, app_id: int) -> None:
     def heard(source: int, _: int) -> None:
         text = ctypes.create_string_buffer(TEXT_SIZE)
         values = c_void_p(stack.GooseSubscriber_getDataSetValues(c_void_p(source)))
-        said = stack.MmsValue_printToBuffer(values, text, c_int(TEXT_SIZE))
+        printed = stack.MmsValue_printToBuffer(values, text, c_int(TEXT_SIZE))
         message = {
             "state": stack.GooseSubscriber_getStNum(c_void_p(source)),
             "sequence": stack.GooseSubscriber_getSqNum(c_void_p(source)),
             "valid": stack.GooseSubscriber_isValid(c_void_p(source)),
             "revision": stack.GooseSubscriber_getConfRev(c_void_p(source)),
-            "values": said.decode(),
+            "values": printed.decode(),
         }
         print(json.dumps(message), flush=True)
 

@@ -300,7 +300,7 @@ static void add_history(struct journal_follower *follower, const struct map_hist
 	size_t room;
 
 	keep_readers(follower, history);
-	now->said = follower->record.said;
+	now->digest = follower->record.digest;
 	room = (follower->record.size - follower->record.used) / JOURNAL_EVENT_SIZE / 2;
 	if (room < 4)
 		return;
@@ -354,7 +354,7 @@ bool journal_make(struct journal_follower *follower, bool anew)
 	journal_begin(&follower->record, now->number, modules, now->queues, now->queue_count);
 	keep_points(follower, clock);
 	keep_values(follower);
-	now->said = follower->record.said;
+	now->digest = follower->record.digest;
 	if (read)
 		add_history(follower, &history, first, clock);
 	if (first)
@@ -362,7 +362,7 @@ bool journal_make(struct journal_follower *follower, bool anew)
 		    skip_oldest(follower->map, &cursor, follower->record.size - follower->record.used);
 	add_events(follower, &cursor, clock);
 	if (!first && follower->record.events == follower->record.states &&
-	    now->said == follower->written.said && same_wishes(&follower->written, now, modules))
+	    now->digest == follower->written.digest && same_wishes(&follower->written, now, modules))
 		return false;
 	memcpy(now->heads, cursor.next, sizeof(now->heads));
 	journal_end(&follower->record);

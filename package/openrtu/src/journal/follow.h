@@ -15,7 +15,7 @@ struct journal_content {
 	uint32_t queue_count;
 	struct map_clock clock; /* by which its first record's times are wall times */
 	uint32_t number;        /* of the next record */
-	uint32_t said;          /* what is retained, and the readers of the history, are: journal_builder */
+	uint32_t digest;        /* what is retained, and the readers of the history, are: journal_builder */
 	uint32_t start;         /* of the history; 0: nothing of one is in the file */
 	uint32_t entry;         /* the number of the entry to be written next */
 };

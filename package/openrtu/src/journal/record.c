@@ -75,7 +75,7 @@ void journal_begin(struct journal_builder *builder, uint32_t number, uint32_t mo
 		at = put_queue(at, &queues[i], modules);
 	builder->used = (size_t)(at - builder->bytes);
 	builder->events = builder->states = 0;
-	builder->said = UINT32_MAX;
+	builder->digest = UINT32_MAX;
 }
 
 bool journal_add(struct journal_builder *builder, const struct journal_event *event)
@@ -110,7 +110,7 @@ bool journal_keep(struct journal_builder *builder, const struct journal_event *p
 	if (!journal_add(builder, &entry))
 		return false;
 	builder->states++;
-	builder->said = crc_add(builder->said, at, WITHOUT_TIME);
+	builder->digest = crc_add(builder->digest, at, WITHOUT_TIME);
 	return true;
 }
 
@@ -128,7 +128,7 @@ bool journal_keep_value(struct journal_builder *builder, struct map_retained_nam
 	if (!journal_add(builder, &entry))
 		return false;
 	builder->states++;
-	builder->said = crc_add(builder->said, at, JOURNAL_EVENT_SIZE);
+	builder->digest = crc_add(builder->digest, at, JOURNAL_EVENT_SIZE);
 	return true;
 }
 
@@ -168,7 +168,7 @@ bool journal_keep_reader(struct journal_builder *builder, uint32_t reader, const
 		if (!journal_add(builder, &piece))
 			return false;
 		builder->states++;
-		builder->said = crc_add(builder->said, at, JOURNAL_EVENT_SIZE);
+		builder->digest = crc_add(builder->digest, at, JOURNAL_EVENT_SIZE);
 	}
 	return true;
 }

@@ -76,7 +76,7 @@ struct journal_builder {
 	uint8_t *bytes;
 	size_t size, used;
 	uint32_t events, states; /* states: of these, what retained points and values, and readers, were */
-	uint32_t said;           /* a CRC of these, without times of points */
+	uint32_t digest;         /* a CRC of these, without times of points */
 };
 
 void journal_begin(struct journal_builder *builder, uint32_t number, uint32_t modules,

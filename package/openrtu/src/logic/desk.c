@@ -4,7 +4,7 @@
  * "scan UPTIME ELAPSED NOW BUDGET", then VALUE:QUALITY:TIME of each point that the program only reads and STATE:RESULT of
  * each command, ACTIVE:VALUE of each request -> VALUE:QUALITY of each point that it writes, EXECUTE:QUALITY:VALUE:SELECT
  * of each command, DECISION:RESULT of each request, then the faults, the last one's kind and line. Values are the bits of a cell in hexadecimal digits, times are decimal.
- * "said" -> LINE:TEXT of each message of the last scan, the text's octets in hexadecimal digits, then how many found no room.
+ * "messages" -> LINE:TEXT of each message of the last scan, the text in hexadecimal digits, then how many found no room.
  * "reload FILE" -> how many retained variables go on. "coverage" -> a digit for each instruction, LOGIC_RUN, ….
  */
 #include <errno.h>
@@ -135,7 +135,7 @@ static void print_messages(const struct logic *logic)
 		char text[256];
 
 		logic_message(logic, i, text, sizeof(text));
-		printf("%u:", logic->lines[logic->said[i]]);
+		printf("%u:", logic->lines[logic->message_at[i]]);
 		for (const char *at = text; *at != '\0'; at++)
 			printf("%02x", (unsigned)(unsigned char)*at);
 		putchar(' ');
@@ -195,7 +195,7 @@ int main(int argc, char **argv)
 			scan(&machine.logic, line + 5);
 		else if (strncmp(line, "reload ", 7) == 0)
 			good = reload(&machine, line + 7);
-		else if (strcmp(line, "said") == 0)
+		else if (strcmp(line, "messages") == 0)
 			print_messages(&machine.logic);
 		else if (strcmp(line, "coverage") == 0)
 			print_coverage(&machine.logic);

@@ -50,7 +50,7 @@ static void check_messages(const struct logic *logic)
 {
 	char text[20];
 
-	CHECK(logic->messages <= LOGIC_SAID);
+	CHECK(logic->messages <= LOGIC_MESSAGES);
 	for (unsigned i = 0; i < logic->messages; i++) {
 		logic_message(logic, i, text, sizeof(text));
 		CHECK(strlen(text) < sizeof(text));

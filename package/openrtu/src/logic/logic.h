@@ -33,7 +33,7 @@ union logic_cell {
 };
 
 /* Different messages of one scan. */
-#define LOGIC_SAID 8
+#define LOGIC_MESSAGES 8
 
 struct logic_range {
 	int64_t low, high;
@@ -74,9 +74,9 @@ struct logic {
 	uint32_t faults[LOGIC_FAULTS];
 	uint16_t last_line; /* of the last fault */
 	uint8_t last_fault;
-	uint8_t messages;          /* of the last scan */
-	uint16_t said[LOGIC_SAID]; /* their instructions */
-	uint32_t unsaid;           /* that found no room */
+	uint8_t messages;                    /* of the last scan */
+	uint16_t message_at[LOGIC_MESSAGES]; /* their instructions */
+	uint32_t unsaid;                     /* that found no room */
 };
 
 enum { LOGIC_RUN = 1, LOGIC_WENT_ON = 2, LOGIC_JUMPED = 4 };

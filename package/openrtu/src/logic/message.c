@@ -146,7 +146,7 @@ static void fill(struct text *text, const struct logic *logic, const char *from,
 
 void logic_message(const struct logic *logic, unsigned message, char *out, size_t size)
 {
-	const struct logic_instruction *at = &logic->code[logic->said[message]];
+	const struct logic_instruction *at = &logic->code[logic->message_at[message]];
 	struct text text = {out, size};
 
 	fill(&text, logic, logic_name(logic, at->a), at->b, at->c, true);

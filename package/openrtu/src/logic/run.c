@@ -161,10 +161,10 @@ static void spread(struct logic *logic, const struct logic_instruction *at)
 static void say(struct logic *logic, uint16_t instruction)
 {
 	for (unsigned i = 0; i < logic->messages; i++)
-		if (logic->said[i] == instruction)
+		if (logic->message_at[i] == instruction)
 			return;
-	if (logic->messages < LOGIC_SAID)
-		logic->said[logic->messages++] = instruction;
+	if (logic->messages < LOGIC_MESSAGES)
+		logic->message_at[logic->messages++] = instruction;
 	else
 		logic->unsaid++;
 }

@@ -29,7 +29,7 @@ static const char *loaded(const char *text, uint16_t slot, uint16_t values)
 	return logic_load(&logic, &memory, &program, sizeof(program));
 }
 
-static const char *said(const char *text, uint16_t slot, uint16_t values)
+static const char *text_of(const char *text, uint16_t slot, uint16_t values)
 {
 	static const struct logic_times times;
 	static char out[64];
@@ -49,50 +49,50 @@ static const char *said(const char *text, uint16_t slot, uint16_t values)
 static void test_values_stand_in_the_text(void **state)
 {
 	(void)state;
-	assert_string_equal(said("in {}", IN, 1), "in -7");
-	assert_string_equal(said("{}, {}.", IN, 2), "-7, 8!.");
-	assert_string_equal(said("{} kV", VALUE, 1), "2.5 kV");
-	assert_string_equal(said("is {}", GO, 1), "is TRUE");
-	assert_string_equal(said("{} up", UPTIME, 1), "0 s up");
+	assert_string_equal(text_of("in {}", IN, 1), "in -7");
+	assert_string_equal(text_of("{}, {}.", IN, 2), "-7, 8!.");
+	assert_string_equal(text_of("{} kV", VALUE, 1), "2.5 kV");
+	assert_string_equal(text_of("is {}", GO, 1), "is TRUE");
+	assert_string_equal(text_of("{} up", UPTIME, 1), "0 s up");
 }
 
 static void test_a_text_that_does_not_fit_its_values(void **state)
 {
 	(void)state;
-	assert_string_equal(said("{}{} {", IN, 1), "-7{} {");
-	assert_string_equal(said("{ } %s %n", IN, 1), "{ } %s %n");
-	assert_string_equal(said("a\nb\x1b\x7f{}", IN, 0), "a?b??{}");
-	assert_string_equal(said("", IN, 1), "");
+	assert_string_equal(text_of("{}{} {", IN, 1), "-7{} {");
+	assert_string_equal(text_of("{ } %s %n", IN, 1), "{ } %s %n");
+	assert_string_equal(text_of("a\nb\x1b\x7f{}", IN, 0), "a?b??{}");
+	assert_string_equal(text_of("", IN, 1), "");
 }
 
 static void test_a_value_has_a_name(void **state)
 {
 	(void)state;
-	assert_string_equal(said("\x01"
-				 "1=A,-7=B\x02.",
-				 IN, 1),
+	assert_string_equal(text_of("\x01"
+				    "1=A,-7=B\x02.",
+				    IN, 1),
 			    "B.");
-	assert_string_equal(said("\x01"
-				 "8=A,9=B\x02{}",
-				 OUT, 1),
+	assert_string_equal(text_of("\x01"
+				    "8=A,9=B\x02{}",
+				    OUT, 1),
 			    "A!{}");
-	assert_string_equal(said("\x01"
-				 "1=A\x02 {}",
-				 IN, 2),
+	assert_string_equal(text_of("\x01"
+				    "1=A\x02 {}",
+				    IN, 2),
 			    "-7 8!");
-	assert_string_equal(said("\x01"
-				 "-7=A",
-				 IN, 1),
+	assert_string_equal(text_of("\x01"
+				    "-7=A",
+				    IN, 1),
 			    "A"); /* no end */
-	assert_string_equal(said("\x01"
-				 "-7,,=\x02x",
-				 IN, 1),
+	assert_string_equal(text_of("\x01"
+				    "-7,,=\x02x",
+				    IN, 1),
 			    "-7x");
-	assert_string_equal(said("\x01"
-				 "-7=\x1b,\x02x",
-				 IN, 1),
+	assert_string_equal(text_of("\x01"
+				    "-7=\x1b,\x02x",
+				    IN, 1),
 			    "?x");
-	assert_string_equal(said("\x01", IN, 1), "-7");
+	assert_string_equal(text_of("\x01", IN, 1), "-7");
 }
 
 static void test_what_finds_no_room_is_cut(void **state)
@@ -100,7 +100,7 @@ static void test_what_finds_no_room_is_cut(void **state)
 	char out[4];
 
 	(void)state;
-	assert_string_equal(said("ab{}{}", VALUE, 1), "ab2.5{}");
+	assert_string_equal(text_of("ab{}{}", VALUE, 1), "ab2.5{}");
 	logic_message(&logic, 0, out, 4);
 	assert_string_equal(out, "ab2");
 	logic_message(&logic, 0, out, 3);

@@ -10,11 +10,11 @@
 
 bool realtime_kernel(const char *file, const char *version)
 {
-	FILE *said = fopen(file, "re");
-	bool is_one = said != NULL && fgetc(said) == '1';
+	FILE *stream = fopen(file, "re");
+	bool is_one = stream != NULL && fgetc(stream) == '1';
 
-	if (said != NULL)
-		fclose(said);
+	if (stream != NULL)
+		fclose(stream);
 	return is_one || strstr(version, "PREEMPT_RT") != NULL;
 }
 

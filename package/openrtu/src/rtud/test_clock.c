@@ -70,7 +70,7 @@ static void step(int64_t ns)
 }
 
 /* Whether a line with the text was logged since the last one that was asked for. */
-static bool said(const char *text)
+static bool was_logged(const char *text)
 {
 	struct map_log_line line;
 
@@ -150,7 +150,8 @@ static void test_begins_unset_without_a_synchronised_system(void **state)
 	assert_false(clock.set);
 	assert_int_equal(clock.source, MAP_CLOCK_UNSET);
 	assert_in_range(clock.offset_ns, now.earliest_ns, now.latest_ns);
-	assert_true(said("the clock starts with the system's, 2027-01-15T08:00:00Z: time tags are invalid"));
+	assert_true(
+	    was_logged("the clock starts with the system's, 2027-01-15T08:00:00Z: time tags are invalid"));
 }
 
 static void test_begins_set_with_a_synchronised_system(void **state)
@@ -158,7 +159,7 @@ static void test_begins_set_with_a_synchronised_system(void **state)
 	(void)state;
 	start(MAP_CLOCK_GATEWAY, true);
 	assert_true(map_clock_read(station).set);
-	assert_true(said("synchronised to 0.020 s"));
+	assert_true(was_logged("synchronised to 0.020 s"));
 }
 
 /* NTP comes long after the start: years are made up for within a tick, and events are told. */
@@ -180,7 +181,7 @@ static void test_follows_as_soon_as_it_is_synchronised(void **state)
 	assert_true(clock.set);
 	assert_int_equal(clock.source, MAP_CLOCK_SYNCHRONISED);
 	assert_in_range(clock.offset_ns, now.earliest_ns, now.latest_ns);
-	assert_true(said("synchronised to 0.020 s: the clock follows it, moved by 1797552000.000 s"));
+	assert_true(was_logged("synchronised to 0.020 s: the clock follows it, moved by 1797552000.000 s"));
 	assert_true(map_event_next(station, &cursor, &event));
 	assert_int_equal(event.kind, MAP_EVENT_CLOCK);
 	after(50 * MS);
@@ -204,7 +205,7 @@ static void test_uncertain_readings_move_nothing(void **state)
 	now.earliest_ns = exact_ns - 500;
 	now.latest_ns = exact_ns + 500;
 	assert_true(after(50 * MS).offset_ns == exact_ns);
-	assert_true(said("the clock follows the system's, moved by 0.003 s"));
+	assert_true(was_logged("the clock follows the system's, moved by 0.003 s"));
 }
 
 static void test_a_step_of_the_followed_clock_is_followed(void **state)
@@ -213,7 +214,7 @@ static void test_a_step_of_the_followed_clock_is_followed(void **state)
 	start(MAP_CLOCK_GATEWAY, true);
 	step(-10 * SECOND);
 	assert_in_range(after(50 * MS).offset_ns, now.earliest_ns, now.latest_ns);
-	assert_true(said("moved by -10.000 s"));
+	assert_true(was_logged("moved by -10.000 s"));
 }
 
 /* ---- the synchronisation is lost --------------------------------------------------------- */
@@ -236,16 +237,16 @@ static void test_a_lost_clock_runs_on_until_it_may_be_wrong(void **state)
 	assert_true(clock.set);
 	assert_int_equal(clock.source, MAP_CLOCK_HELD);
 	assert_true(clock.offset_ns == offset_ns);
-	assert_true(said("no longer synchronised: time tags are valid for 8.9 h more"));
+	assert_true(was_logged("no longer synchronised: time tags are valid for 8.9 h more"));
 	assert_true(after(8 * HOUR).set);
 	assert_true(after(3100 * SECOND).set); /* 31911 s */
 	clock = after(100 * SECOND);
 	assert_false(clock.set);
 	assert_int_equal(clock.source, MAP_CLOCK_UNSET);
 	assert_true(clock.offset_ns == offset_ns);
-	assert_true(said("may be wrong by more than 16 s: time tags are invalid"));
+	assert_true(was_logged("may be wrong by more than 16 s: time tags are invalid"));
 	assert_false(after(100 * HOUR).set);
-	assert_false(said(""));
+	assert_false(was_logged(""));
 	now.synchronised = true;
 	assert_true(after(50 * MS).set);
 	assert_in_range(map_clock_read(station).offset_ns, now.earliest_ns, now.latest_ns);
@@ -276,7 +277,7 @@ static void test_a_step_by_ntp_is_no_loss(void **state)
 	now.synchronised = true;
 	assert_int_equal(after(SECOND).source, MAP_CLOCK_SYNCHRONISED);
 	assert_in_range(map_clock_read(station).offset_ns, now.earliest_ns, now.latest_ns);
-	assert_true(said("the clock follows the system's, moved by 3600.000 s"));
+	assert_true(was_logged("the clock follows the system's, moved by 3600.000 s"));
 }
 
 static void test_a_return_within_the_time_is_not_missed(void **state)
@@ -286,10 +287,10 @@ static void test_a_return_within_the_time_is_not_missed(void **state)
 	for (int i = 0; i < 10; i++) {
 		now.synchronised = false;
 		assert_int_equal(after(8 * HOUR).source, MAP_CLOCK_HELD);
-		assert_true(said("no longer synchronised"));
+		assert_true(was_logged("no longer synchronised"));
 		now.synchronised = true;
 		assert_int_equal(after(8 * HOUR).source, MAP_CLOCK_SYNCHRONISED);
-		assert_true(said("the clock follows it"));
+		assert_true(was_logged("the clock follows it"));
 	}
 }
 
@@ -313,7 +314,7 @@ static void leap(int due, int over, int leap_s, bool early)
 	now.state = due;
 	clock = after(SECOND - 70 * MS); /* 70 ms to go */
 	assert_true(
-	    said(leap_s > 0 ? "a leap second is inserted at the end" : "a leap second is left out at"));
+	    was_logged(leap_s > 0 ? "a leap second is inserted at the end" : "a leap second is left out at"));
 	assert_int_equal(clock.leap_due_s, leap_s);
 	offset_ns = clock.offset_ns;
 	before_ns = now.now_ns;
@@ -325,7 +326,7 @@ static void leap(int due, int over, int leap_s, bool early)
 	assert_true(clock.leap_ns == 0);
 	step(-leap_s * SECOND);
 	clock = after(early ? 25 * MS : 50 * MS); /* 30 ms after it */
-	assert_true(said(leap_s > 0 ? "a leap second was inserted" : "a leap second was left out"));
+	assert_true(was_logged(leap_s > 0 ? "a leap second was inserted" : "a leap second was left out"));
 	assert_true(clock.set);
 	assert_in_range(clock.offset_ns, now.earliest_ns, now.latest_ns);
 	assert_true(map_wall_ns(clock, before_ns) == before_ns + offset_ns);
@@ -337,7 +338,7 @@ static void leap(int due, int over, int leap_s, bool early)
 	now.state = TIME_OK;
 	clock = after(HOUR);
 	assert_int_equal(clock.leap_due_s, 0);
-	assert_false(said(""));
+	assert_false(was_logged(""));
 	assert_true(map_wall_ns(clock, before_ns) == before_ns + offset_ns);
 	stop(NULL);
 }
@@ -363,12 +364,12 @@ static void test_no_leap_second_where_none_was(void **state)
 	step(-SECOND);
 	clock = after(SECOND);
 	assert_true(clock.leap_ns == 0);
-	assert_true(said("moved by -1.000 s"));
+	assert_true(was_logged("moved by -1.000 s"));
 	now.state = TIME_OOP;
 	step(-3 * SECOND);
 	clock = after(SECOND);
 	assert_true(clock.leap_ns == 0);
-	assert_true(said("moved by -3.000 s"));
+	assert_true(was_logged("moved by -3.000 s"));
 }
 
 /* ---- a controlling station --------------------------------------------------------------- */
@@ -401,7 +402,7 @@ static void test_a_synchronised_system_is_not_overruled(void **state)
 	offset_ns = after(50 * MS).offset_ns;
 	assert_in_range(offset_ns, now.earliest_ns, now.latest_ns);
 	assert_int_equal(set_clock(at, wall - HOUR), MAP_RESULT_INTERLOCK);
-	assert_true(said("rtu-iec104 may not set the clock: the system's is synchronised"));
+	assert_true(was_logged("rtu-iec104 may not set the clock: the system's is synchronised"));
 	assert_true(map_clock_read(station).offset_ns == offset_ns);
 	now.synchronised = false; /* from here on the station may know better */
 	assert_int_equal(after(11 * SECOND).source, MAP_CLOCK_HELD);
@@ -519,7 +520,7 @@ static void test_a_synchronised_clock_runs_on_and_may_be_set(void **state)
 	assert_int_equal(set_clock(at, wall + HOUR), MAP_RESULT_INTERLOCK);
 	change_mode(MAP_CLOCK_MASTERS);
 	assert_int_equal(after(50 * MS).source, MAP_CLOCK_HELD);
-	assert_true(said("no longer followed"));
+	assert_true(was_logged("no longer followed"));
 	assert_true(map_clock_read(station).set);
 	assert_int_equal(set_clock(at, wall + HOUR), MAP_RESULT_DONE);
 	assert_true(after(HOUR).offset_ns == wall + HOUR - at);
@@ -554,7 +555,7 @@ static void test_a_system_that_cannot_be_set_leaves_times_invalid(void **state)
 	assert_int_equal(set_clock(map_now_ns(), wall + HOUR), MAP_RESULT_DONE);
 	map_cursor_to_end(station, &cursor);
 	assert_false(change_mode(MAP_CLOCK_SYSTEM).set);
-	assert_true(said("cannot set the system's clock: Operation not permitted"));
+	assert_true(was_logged("cannot set the system's clock: Operation not permitted"));
 	assert_true(told(&cursor));
 	now.synchronised = true;
 	assert_true(after(50 * MS).set);
