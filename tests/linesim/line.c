@@ -18,6 +18,7 @@
 #define FAST_BAUD       19200
 #define FAST_SILENCE_NS 1750000 /* clause 2.5.1.1: fixed above 19200 bit/s */
 #define FRAME_MIN       4
+#define UNFINISHED      10
 
 #define ILLEGAL_DATA_VALUE 3 /* MODBUS Application Protocol V1.1b3, 7 */
 /* Bytes that last less are written a few at a time, at the last one's end. */
@@ -50,13 +51,16 @@ void line_set_pace(struct line *line, unsigned baud, unsigned bits, int64_t late
 {
 	line->char_ns = (int64_t)bits * 1000000000 / baud;
 	line->silence_ns = baud > FAST_BAUD ? FAST_SILENCE_NS : line->char_ns * 7 / 2;
+	line->unfinished_ns = line->silence_ns;
 	line->latency_ns = latency_ns;
 }
 
 void line_set_silence(struct line *line, int64_t least_ns)
 {
-	if (line->silence_ns < least_ns)
+	if (line->silence_ns < least_ns) {
 		line->silence_ns = least_ns;
+		line->unfinished_ns = UNFINISHED * least_ns;
+	}
 }
 
 /* ---- answers ----------------------------------------------------------------------------- */
@@ -359,7 +363,9 @@ static int64_t earlier(int64_t one, int64_t other)
 
 static int64_t request_complete_ns(const struct line *line)
 {
-	return line->request.size ? line->request.end_ns + line->silence_ns : LOOP_NEVER;
+	if (!line->request.size)
+		return LOOP_NEVER;
+	return line->request.end_ns + (request_is_sound(line) ? line->silence_ns : line->unfinished_ns);
 }
 
 static int64_t next_bytes_ns(const struct line *line)

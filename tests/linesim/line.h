@@ -51,7 +51,8 @@ struct line {
 	uint16_t port;
 	char name[LINE_NAME_SIZE]; /* of the symbolic link */
 	int64_t char_ns;
-	int64_t silence_ns;
+	int64_t silence_ns;    /* that ends a request */
+	int64_t unfinished_ns; /* that ends bytes which are no sound request */
 	int64_t latency_ns;
 	struct slave *slaves[SLAVE_UNIT_MAX + 1]; /* by unit, NULL: not on the line */
 
@@ -79,7 +80,10 @@ struct line {
 
 /* Takes the serial parameters. baud > 0 bit/s; bits: of a character, start, parity and stop bits included. */
 void line_set_pace(struct line *line, unsigned baud, unsigned bits, int64_t latency_ns);
-/* After line_set_pace: the end of a request needs this silence at least. */
+/*
+ * After line_set_pace: the end of a request needs this silence at least, and ten times as much while its CRC is wrong:
+ * the host of an emulator may have stopped it between two bytes.
+ */
 void line_set_silence(struct line *line, int64_t least_ns);
 
 /* Creates the pty, links directory/name to it, and watches it. -1 with errno. */
