@@ -6,7 +6,10 @@ from typing import Any
 
 from pyiec61850 import pyiec61850 as lib
 
+from lab.patience import slowness
+
 TRIES = 10
+ANSWER_MS = 10_000  # on an idle machine, for a connection and for each request
 
 
 def check(error: int, what: str) -> None:
@@ -25,8 +28,11 @@ def texts_of(linked: Any) -> list[str]:
 
 def connected(port: int) -> Any:
     """An association. Some take no request: two threads of libiec61850 have overtaken each other."""
+    patience_ms = int(ANSWER_MS * slowness())
     for _ in range(TRIES):
         connection = lib.IedConnection_create()
+        lib.IedConnection_setConnectTimeout(connection, patience_ms)
+        lib.IedConnection_setRequestTimeout(connection, patience_ms)
         check(lib.IedConnection_connect(connection, "127.0.0.1", port)[1], "connection")
         if lib.IedConnection_getLogicalDeviceList(connection)[1] != lib.IED_ERROR_CONNECTION_LOST:
             return connection

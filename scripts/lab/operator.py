@@ -18,9 +18,10 @@ from pyiec61850 import pyiec61850 as lib
 
 from lab.errors import LabError
 from lab.libiec61850 import check, connected, texts_of
-from lab.patience import Deadline
+from lab.patience import Deadline, slowness
 
 ANSWER_S = 10.0
+WHOLE_S = 120.0
 
 
 class OperatorError(LabError):
@@ -125,7 +126,10 @@ def operate(port: int, reference: str, value: str, *actions: str) -> dict[str, A
     """What a process of this file prints."""
     command = [sys.executable, "-m", "lab.operator", str(port), reference, value, *actions]
     paths = os.environ | {"PYTHONPATH": str(Path(__file__).resolve().parents[1])}
-    run = subprocess.run(command, env=paths, capture_output=True, text=True, timeout=120, check=False)
+    patience_s = WHOLE_S * slowness()
+    run = subprocess.run(
+        command, env=paths, capture_output=True, text=True, timeout=patience_s, check=False
+    )
     if run.returncode != 0:
         raise OperatorError(f"libiec61850's client: {run.stderr.strip() or run.stdout.strip()}")
     outcomes: dict[str, Any] = json.loads(run.stdout)

@@ -18,7 +18,7 @@
 #define FAST_BAUD       19200
 #define FAST_SILENCE_NS 1750000 /* clause 2.5.1.1: fixed above 19200 bit/s */
 #define FRAME_MIN       4
-#define UNFINISHED      10
+#define UNFINISHED      50
 
 #define ILLEGAL_DATA_VALUE 3 /* MODBUS Application Protocol V1.1b3, 7 */
 /* Bytes that last less are written a few at a time, at the last one's end. */
@@ -243,13 +243,24 @@ static void trace_request(const struct line *line, enum trace_kind kind)
 	trace_frame(line->port, line->request.bytes[0], kind, line->request.bytes, size, SLAVE_HEALTHY);
 }
 
-static bool request_is_sound(const struct line *line)
+static bool is_sound(const uint8_t *bytes, size_t size)
 {
-	const uint8_t *bytes = line->request.bytes;
-	const size_t size = line->request.size;
-
 	return size >= FRAME_MIN && size <= LINE_FRAME_MAX &&
 	       crc16(bytes, size - 2) == (bytes[size - 2] | bytes[size - 1] << 8);
+}
+
+static bool request_is_sound(const struct line *line)
+{
+	return is_sound(line->request.bytes, line->request.size);
+}
+
+/* The bytes behind the last silence are a request: those before it never became one. */
+static bool renewed_is_sound(const struct line *line)
+{
+	const size_t first = line->request.renewed_at;
+
+	return first && line->request.size <= LINE_FRAME_MAX &&
+	       is_sound(line->request.bytes + first, line->request.size - first);
 }
 
 static void take_request(struct line *line, int64_t complete_ns)
@@ -269,17 +280,35 @@ static void take_request(struct line *line, int64_t complete_ns)
 		serve(line, slave, complete_ns);
 }
 
+static void refuse_request(struct line *line)
+{
+	line->stats.crc_errors++;
+	trace_request(line, TRACE_CRC_ERROR);
+}
+
+static void refuse_unfinished(struct line *line)
+{
+	const size_t size = line->request.size, first = line->request.renewed_at;
+
+	line->request.size = first;
+	refuse_request(line);
+	line->request.size = size - first;
+	memmove(line->request.bytes, line->request.bytes + first, line->request.size);
+}
+
 static void end_request(struct line *line, int64_t complete_ns)
 {
 	if (line->request.spoiled) {
 		trace_request(line, TRACE_COLLISION);
-	} else if (!request_is_sound(line)) {
-		line->stats.crc_errors++;
-		trace_request(line, TRACE_CRC_ERROR);
-	} else {
+	} else if (request_is_sound(line)) {
 		take_request(line, complete_ns);
+	} else if (renewed_is_sound(line)) {
+		refuse_unfinished(line);
+		take_request(line, complete_ns);
+	} else {
+		refuse_request(line);
 	}
-	line->request.size = 0;
+	line->request.size = line->request.renewed_at = 0;
 	line->request.spoiled = false;
 }
 
@@ -365,7 +394,10 @@ static int64_t request_complete_ns(const struct line *line)
 {
 	if (!line->request.size)
 		return LOOP_NEVER;
-	return line->request.end_ns + (request_is_sound(line) ? line->silence_ns : line->unfinished_ns);
+
+	const bool whole = request_is_sound(line) || renewed_is_sound(line);
+
+	return line->request.end_ns + (whole ? line->silence_ns : line->unfinished_ns);
 }
 
 static int64_t next_bytes_ns(const struct line *line)
@@ -438,6 +470,8 @@ static void receive(struct line *line, const uint8_t *bytes, size_t size, int64_
 		line->stats.collisions += !line->request.spoiled;
 		line->sending.spoiled = line->request.spoiled = true;
 	}
+	if (now_ns > line->request.end_ns + line->silence_ns && line->request.size <= LINE_FRAME_MAX)
+		line->request.renewed_at = line->request.size;
 	for (size_t i = 0; i < size; i++, line->request.size++)
 		if (line->request.size < LINE_FRAME_MAX)
 			line->request.bytes[line->request.size] = bytes[i];
@@ -465,7 +499,7 @@ static void pty_ready(void *owner, uint32_t events)
 
 static void clear(struct line *line)
 {
-	line->request.size = 0;
+	line->request.size = line->request.renewed_at = 0;
 	line->request.spoiled = false;
 	line->sending.answer.size = 0;
 	for (int i = 0; i < LINE_WAITING_MAX; i++)

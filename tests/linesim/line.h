@@ -66,7 +66,8 @@ struct line {
 
 	struct {
 		uint8_t bytes[LINE_FRAME_MAX];
-		size_t size; /* counted on beyond LINE_FRAME_MAX */
+		size_t size;       /* counted on beyond LINE_FRAME_MAX */
+		size_t renewed_at; /* its bytes before the last silence; 0: none */
 		int64_t end_ns;
 		bool spoiled;
 	} request;
@@ -81,8 +82,8 @@ struct line {
 /* Takes the serial parameters. baud > 0 bit/s; bits: of a character, start, parity and stop bits included. */
 void line_set_pace(struct line *line, unsigned baud, unsigned bits, int64_t latency_ns);
 /*
- * After line_set_pace: the end of a request needs this silence at least, and ten times as much while its CRC is wrong:
- * the host of an emulator may have stopped it between two bytes.
+ * After line_set_pace: the end of a request needs this silence at least, and fifty times as much while its CRC is wrong:
+ * the host of an emulator may have stopped it between two bytes. A sound request behind unfinished bytes is taken, without them.
  */
 void line_set_silence(struct line *line, int64_t least_ns);
 
