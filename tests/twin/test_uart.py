@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from nuc980.twin.machine import ANSWER_SECONDS, Machine
+from nuc980.twin.machine import ANSWER_SECONDS, Machine, MachineError
 
 PCLKEN0, DIVCTL4 = 0xB0000218, 0xB0000230
 GPF_MFPH = 0xB000009C
@@ -607,6 +607,21 @@ def test_without_pace_the_far_end_waits_for_the_guest(fast: Uart) -> None:
     until(lambda: fast.read_into(seen) == len(data))
     assert seen == data
     assert not fast[FIFOSTS] & RXOVIF
+
+
+def test_with_pace_of_the_lines_the_debug_uart_alone_does_not_wait(board: Callable[..., Machine]) -> None:
+    machine = board(options="pace=lines", registers=True)
+    uart = routed(machine)
+    for byte in b"quick":
+        uart[DAT] = byte
+        assert uart[FIFOSTS] & TXEMPTYF
+    paces = [machine.command("qom-get", path=f"/machine/soc/uart[{n}]", property="pace") for n in range(10)]
+    assert paces == [False, *[True] * 9]
+
+
+def test_an_unknown_pace_is_refused(board: Callable[..., Machine]) -> None:
+    with pytest.raises(MachineError, match="pace is on, off or lines, not slow"):
+        board(options="pace=slow", registers=True)
 
 
 # ---- what is wrong, what is missing

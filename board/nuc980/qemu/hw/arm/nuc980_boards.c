@@ -37,13 +37,22 @@ OBJECT_DECLARE_SIMPLE_TYPE(NUC980Machine, NUC980_MACHINE)
 #define NAND_PAGE_SIZE      (2048 + 64) /* with the spare */
 #define NAND_SIZE           (NAND_PAGES * NAND_PAGE_SIZE)
 
+/* Whose characters take their time */
+typedef enum {
+    PACE_OFF,                           /* nobody's */
+    PACE_ON,
+    PACE_LINES,                         /* all but those of the debug UART */
+} Pace;
+
+static const char *const pace_names[] = { "off", "on", "lines", NULL };
+
 struct NUC980Machine {
     MachineState parent_obj;
 
     NUC980State soc;
     MemoryRegion ram_alias;
     struct arm_boot_info boot;
-    bool pace;
+    Pace pace;
     bool boot_nand;
     uint32_t board;
 };
@@ -104,7 +113,8 @@ static void connect_uarts(NUC980Machine *m)
             exit(EXIT_FAILURE);
         }
         qdev_prop_set_chr(uart, "chardev", chr);
-        qdev_prop_set_bit(uart, "pace", m->pace);
+        qdev_prop_set_bit(uart, "pace", m->pace == PACE_ON ||
+                                        (m->pace == PACE_LINES && i));
     }
 }
 
@@ -238,14 +248,20 @@ static void nuc980_machine_init(MachineState *machine)
     }
 }
 
-static bool machine_get_pace(Object *obj, Error **errp)
+static char *machine_get_pace(Object *obj, Error **errp)
 {
-    return NUC980_MACHINE(obj)->pace;
+    return g_strdup(pace_names[NUC980_MACHINE(obj)->pace]);
 }
 
-static void machine_set_pace(Object *obj, bool value, Error **errp)
+static void machine_set_pace(Object *obj, const char *value, Error **errp)
 {
-    NUC980_MACHINE(obj)->pace = value;
+    for (unsigned i = 0; pace_names[i]; i++) {
+        if (!strcmp(value, pace_names[i])) {
+            NUC980_MACHINE(obj)->pace = i;
+            return;
+        }
+    }
+    error_setg(errp, "pace is on, off or lines, not %s", value);
 }
 
 static char *machine_get_boot_source(Object *obj, Error **errp)
@@ -285,7 +301,7 @@ static void machine_set_board(Object *obj, const char *value, Error **errp)
 
 static void nuc980_machine_instance_init(Object *obj)
 {
-    NUC980_MACHINE(obj)->pace = true;
+    NUC980_MACHINE(obj)->pace = PACE_ON;
 }
 
 static void nuc980_machine_class_init(ObjectClass *klass, void *data)
@@ -303,10 +319,11 @@ static void nuc980_machine_class_init(ObjectClass *klass, void *data)
     mc->default_ram_id = "nuc980.ram";
     /* Reason: the vendor's kernel probes blocks that are not modelled */
     mc->ignore_memory_transaction_failures = true;
-    object_class_property_add_bool(klass, "pace", machine_get_pace,
-                                   machine_set_pace);
+    object_class_property_add_str(klass, "pace", machine_get_pace,
+                                  machine_set_pace);
     object_class_property_set_description(klass, "pace",
-        "UARTs move characters at the programmed speed (default: on)");
+        "UARTs move characters at the programmed speed: on, off; "
+        "lines: all but the debug UART (default: on)");
     object_class_property_add_str(klass, "boot-source", machine_get_boot_source,
                                   machine_set_boot_source);
     object_class_property_set_description(klass, "boot-source",
