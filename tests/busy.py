@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
+import signal
 import statistics
 import subprocess
 import sys
@@ -90,6 +91,7 @@ def main() -> int:
         parser.error("--processes is 0 or more, --times 1 or more")
     arguments.logs.mkdir(parents=True, exist_ok=True)
     tallies = [Tally(target) for target in arguments.targets]
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # the busy processes would outlive it
     try:
         with busy_processes(arguments.processes):
             for number in range(1, arguments.times + 1):

@@ -127,9 +127,7 @@ def operate(port: int, reference: str, value: str, *actions: str) -> dict[str, A
     command = [sys.executable, "-m", "lab.operator", str(port), reference, value, *actions]
     paths = os.environ | {"PYTHONPATH": str(Path(__file__).resolve().parents[1])}
     patience_s = WHOLE_S * slowness()
-    run = subprocess.run(
-        command, env=paths, capture_output=True, text=True, timeout=patience_s, check=False
-    )
+    run = subprocess.run(command, env=paths, capture_output=True, text=True, timeout=patience_s, check=False)
     if run.returncode != 0:
         raise OperatorError(f"libiec61850's client: {run.stderr.strip() or run.stdout.strip()}")
     outcomes: dict[str, Any] = json.loads(run.stdout)
