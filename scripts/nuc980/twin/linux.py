@@ -192,9 +192,10 @@ class Linux:
         number = self._commands
         self.type(f"{command}\n<run {number}>\n")
         ran = f"<ran {number}> "
-        output = BROKEN_IN.sub("", self.wait_for(broken([*map(re.escape, ran), STATUS, ">"]), seconds))
-        text, _, status = output.rpartition(ran)
-        return int(status.removesuffix(">")), text.removesuffix("\n")
+        # With its line's end, which otherwise comes within the echo of the next command, or behind that.
+        ended = broken([*map(re.escape, ran), STATUS, ">", "\r?\n"])
+        text, _, status = BROKEN_IN.sub("", self.wait_for(ended, seconds)).rpartition(ran)
+        return int(status.removesuffix(">\n")), text.removesuffix("\n")
 
     def type(self, text: str) -> None:
         """Types characters, each part when the one before it has been echoed: no receiver overruns.
