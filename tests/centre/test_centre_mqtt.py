@@ -111,8 +111,8 @@ def station(stations: Stations) -> Iterator[Station]:
 def settings(broker: Broker, **keys: Any) -> dict[str, Any]:
     (broker.folder / "password").write_text("secret\n")
     (broker.folder / "password").chmod(0o600)
-    broker_of = {"host": "127.0.0.1", "port": broker.port, "user": "centre", "password_file": "password"}
-    return {**broker_of, "tls": {"ca": "ca.pem"}, **keys}
+    plain = {"host": "127.0.0.1", "port": broker.port, "user": "centre", "password_file": "password"}
+    return {**plain, "tls": {"ca": "ca.pem"}, **keys}
 
 
 @pytest.mark.slow

@@ -474,8 +474,8 @@ def told(client: Client, port: int, view: str) -> dict[str, list[Any]]:
             await socket.send_json({"view": view})
             return dict(await socket.receive_json())
 
-    told_to = asyncio.run(listen())
-    return {kind: told_to[kind] for kind in ("stations", "points", "alarms", "commands")}
+    message = asyncio.run(listen())
+    return {kind: message[kind] for kind in ("stations", "points", "alarms", "commands")}
 
 
 @pytest.mark.slow

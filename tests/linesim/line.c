@@ -18,7 +18,7 @@
 #define FAST_BAUD       19200
 #define FAST_SILENCE_NS 1750000 /* clause 2.5.1.1: fixed above 19200 bit/s */
 #define FRAME_MIN       4
-#define UNFINISHED      50
+#define UNFINISHED      50 /* line_set_silence */
 
 #define ILLEGAL_DATA_VALUE 3 /* MODBUS Application Protocol V1.1b3, 7 */
 /* Bytes that last less are written a few at a time, at the last one's end. */

@@ -110,7 +110,7 @@ class Linux:
         """Starts a kernel without a boot loader, up to the shell; the other arguments are Machine's.
 
         Unless the options name a pace, what the console says takes no time: the kernel polls the UART until
-        each character is out, which is half of what a boot without services costs.
+        each character is out, which is nearly half of what a boot without services costs.
 
         files, by their paths in the root, come over the root: a file of this machine with its mode, or the
         text of a script.
