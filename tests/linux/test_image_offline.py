@@ -163,7 +163,7 @@ def test_root_is_not_writable(board: Board, file: str) -> None:
 
 def test_root_is_the_ubi_volume(board: Board) -> None:
     rows = {row.split()[1]: row.split() for row in board.inside("cat /proc/mounts").splitlines()}
-    assert rows["/"][0:3:2] == ["ubi0:rootfs", "ubifs"]
+    assert rows["/"][0:3:2] == ["ubi0:root_a", "ubifs"]
     assert rows["/data"][0:3:2] == ["ubi0:data", "ubifs"]
     assert "ro" in rows["/"][3].split(",")
 

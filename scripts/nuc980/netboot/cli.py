@@ -79,10 +79,13 @@ examples:
   nuc980-netboot install --port /dev/ttyUSB0 --board-ip 192.168.1.20/24 uImage nuc980-gateway.dtb
   nuc980-netboot install --slot b --port /dev/ttyUSB0 --board-ip 192.168.1.20/24 uImage nuc980-gateway.dtb
   nuc980-netboot install --dry-run --board-ip 192.168.1.20/24 uImage nuc980-gateway.dtb
+  nuc980-netboot install --port /dev/ttyUSB0 --board-ip 192.168.1.20/24 --ubi rootfs.ubi \\
+    uImage nuc980-gateway.dtb
 
-The root file system must be inside the kernel, as in the image of make image-debian. What is there is kept in
-the site's folder before anything is erased; flash --resume and --roll-back go on after an interruption. The
-partition for UBI, and /data in it, stay. docs/update.md has the rest.""",
+The root file system is inside the kernel, as in the image of make image-debian; UBI, with /data, then stays.
+With --ubi it is in UBI, as in the images of make image-buildroot, and /data is made anew. What is there is
+kept in the site's folder before anything is erased; flash --resume and --roll-back go on after an
+interruption. docs/update.md has the rest.""",
     "slots": """\
 examples:
   nuc980-netboot slots --port /dev/ttyUSB0

@@ -23,6 +23,7 @@ DEVICE_TREE_AT: int = _LIMITS["memory"]["device_tree"]
 # In the flash, bytes: the device tree's partition for UBI.
 ROOT_OFFSET: int = _LIMITS["flash"]["root"]["offset"]
 ROOT_SIZE: int = _LIMITS["flash"]["root"]["size"]
+ROOT_VOLUME: int = _LIMITS["flash"]["root"]["volume"]
 # Of boards with slots: tables of places, by slot and by mark.
 SLOTS: dict[str, dict[str, dict[str, int]]] = _LIMITS["flash"]["slots"]
 MARKS: dict[str, dict[str, int]] = _LIMITS["flash"]["marks"]

@@ -5,14 +5,14 @@ from __future__ import annotations
 
 import argparse
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import nullcontext
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from nuc980.netboot.board import Nand
 from nuc980.netboot.boot import Images, arguments_for
-from nuc980.netboot.errors import FlashFailed, UnusableInput
+from nuc980.netboot.errors import FlashFailed, UnusableImage, UnusableInput
 from nuc980.netboot.flash import layout
 from nuc980.netboot.flash.backup import nand_read
 from nuc980.netboot.flash.command import Flash, add_backup, check_backup
@@ -24,7 +24,17 @@ from nuc980.netboot.plan import Plan
 from nuc980.netboot.run import Run
 from nuc980.netboot.session import Session
 from nuc980.netboot.slots import script
-from nuc980.netboot.slots.layout import BASE, NAMES, PLACES, TRIAL, check_flash, kernel_slot, tree_slot
+from nuc980.netboot.slots.layout import (
+    BASE,
+    NAMES,
+    PLACES,
+    ROOT,
+    TRIAL,
+    check_flash,
+    kernel_slot,
+    root_volume,
+    tree_slot,
+)
 from nuc980.netboot.slots.marks import (
     BASE_WORD,
     TRIAL_WORD,
@@ -42,8 +52,13 @@ FLAT_DT = 8  # IH_TYPE_FLATDT of U-Boot's include/image.h
 
 def add_install_options(command: argparse.ArgumentParser) -> None:
     """The options of `install` itself."""
-    command.add_argument("uimage", type=Path, help="the kernel with its root file system inside, a uImage")
+    command.add_argument(
+        "uimage", type=Path, help="the kernel, a uImage: its root file system is inside, or that of --ubi"
+    )
     command.add_argument("dtb", type=Path, help="the device tree, compiled")
+    command.add_argument(
+        "--ubi", type=Path, metavar="FILE", help="the UBI image of its root file system; /data is made anew"
+    )
     command.add_argument(
         "--slot", choices=NAMES, help="write only this slot, of a board with slots, which does not boot it"
     )
@@ -53,6 +68,11 @@ def add_install_options(command: argparse.ArgumentParser) -> None:
 def run_install(run: Run) -> None:
     """Both slots with these images, marks, and the boot command; raises NetbootError."""
     parsed = run.parsed
+    if parsed.slot and parsed.ubi:
+        raise UnusableInput(
+            "a UBI image has the roots of both slots and /data: it is not for one slot",
+            next_step="rtu-update on the board writes the root of one (docs/update.md)",
+        )
     check_backup(parsed)
     tree = Images.read(parsed.uimage, parsed.dtb).tree
     with (
@@ -67,7 +87,7 @@ def run_install(run: Run) -> None:
             script.check_board(board)
             network = run.target.network(board)
             flash = Flash(run, session, board, network, Path(folder))
-            images = _images(run, nand, [parsed.slot] if parsed.slot else NAMES)
+            images = _images(run, nand)
             variables = None
             if not parsed.slot:
                 own = _own(board.environment)
@@ -81,6 +101,8 @@ def run_install(run: Run) -> None:
                 script.check_installed(board.environment)
                 _free(session, nand, parsed.slot)
             with session.serving(network):
+                if parsed.ubi:
+                    images += flash.tables({layout.UBI: parsed.ubi})
                 flash.begin(images, variables)
 
 
@@ -104,22 +126,39 @@ def _own(environment: Mapping[str, str]) -> Mapping[str, str]:
     return {**environment, "bootargs": environment.get("rtu_args", "")}
 
 
-def _images(run: Run, nand: Nand, names: Sequence[str]) -> list[Image]:
-    """What slots of these names are to hold, and marks for both. Raises UnusableImage, DoesNotFit."""
-    content = wrapped(run.parsed.dtb.read_bytes())
-    tree = _kept(run, f"device-tree-{zlib.crc32(content):08x}", content)
-    images = [
-        image
-        for name in names
-        for image in (Image.of(kernel_slot(name), run.parsed.uimage), Image.of(tree_slot(name), tree))
-    ]
-    if len(names) == len(NAMES):
-        base, none = _kept(run, "base-mark-a", page(BASE_WORD, "a")), _kept(run, "no-mark", b"")
+def _images(run: Run, nand: Nand) -> list[Image]:
+    """What one slot is to hold, or both and the marks. Raises UnusableImage, DoesNotFit."""
+    parsed = run.parsed
+    content = wrapped(parsed.dtb.read_bytes(), root_in_ubi=parsed.ubi is not None)
+    tree, none = _kept(run, f"device-tree-{zlib.crc32(content):08x}", content), _kept(run, "no-mark", b"")
+
+    def slot(name: str) -> list[Image]:
+        return [Image.of(kernel_slot(name), parsed.uimage), Image.of(tree_slot(name), tree)]
+
+    if parsed.slot:
+        images = slot(parsed.slot)
+    else:
+        base = _kept(run, "base-mark-a", page(BASE_WORD, "a"))
         marks = zip(layout.MARKS, (*BASE, TRIAL), (base, base, none), strict=True)
-        images += [Image.of(area.named(name), file) for name, area, file in marks]
+        images = [*slot("a"), *(Image.of(area.named(name), file) for name, area, file in marks)]
+        # In UBI there is no root for B until the first update.
+        images += [Image.of(tree_slot("b"), none), _root(parsed.ubi, nand)] if parsed.ubi else slot("b")
     for image in images:
         check_image(image, nand)
     return images
+
+
+def _root(ubi: Path, nand: Nand) -> Image:
+    """All of UBI. Raises UnusableImage when the boot command would find no root in it."""
+    image = Image.of(ROOT.named(layout.UBI), ubi)
+    volume = root_volume("a")
+    # ubinize begins with the two copies of the table of volumes.
+    if f"{volume}\0".encode() not in image.content(0, 2 * nand.block):
+        raise UnusableImage(
+            f"{ubi} has no volume {volume}, where slot A has its root.",
+            next_step="take rootfs.ubi of make image-buildroot, or ubinize with board/nuc980/ubinize.cfg",
+        )
+    return image
 
 
 def _kept(run: Run, name: str, content: bytes) -> Path:
@@ -129,13 +168,13 @@ def _kept(run: Run, name: str, content: bytes) -> Path:
     return run.site.folder / name
 
 
-def wrapped(tree: bytes) -> bytes:
-    """A device tree with a uImage's header (mkimage -T flat_dt), for its CRC."""
+def wrapped(tree: bytes, *, root_in_ubi: bool = False) -> bytes:
+    """A device tree with a uImage's header (mkimage -T flat_dt), for its CRC and for the boot command."""
 
     def header(crc: int) -> bytes:
         fields = (UImage.MAGIC, crc, 0, len(tree), 0, 0, zlib.crc32(tree))
         return UImage.LAYOUT.pack(
-            *fields, UImage.LINUX, UImage.ARM, FLAT_DT, UImage.NOT_COMPRESSED, b"device tree"
+            *fields, UImage.LINUX, UImage.ARM, FLAT_DT, UImage.NOT_COMPRESSED, script.TREE_NAMES[root_in_ubi]
         )
 
     return header(zlib.crc32(header(0))) + tree
@@ -187,13 +226,20 @@ def check_loads(session: Session, name: str) -> None:
 
 def _show(run: Run, session: Session, nand: Nand) -> None:
     for name in NAMES:
-        run.note(f"slot {name.upper()}  {_fault(session, name) or 'kernel and device tree are whole'}")
+        run.note(f"slot {name.upper()}  {_fault(session, name) or _whole(session)}")
     marks = read_marks(session.console, nand)
     copies = ", ".join(copy.upper() if copy else "none" for copy in marks.base)
     run.note(f"base    {marks.base_slot.upper()} (its copies: {copies})")
     trial = f"{marks.trial.upper()}, {marks.attempts} attempts left" if marks.trial else "none"
     run.note(f"trial   {trial}")
     run.note(f"the next start takes {', '.join(name.upper() for name in marks.order)}, until one loads")
+
+
+def _whole(session: Session) -> str:
+    """Of a slot without a fault, whose device tree is still in RAM."""
+    shown = session.console.run(f"iminfo {DEVICE_TREE_AT:#x}", PATIENCE).required()
+    unseen = script.TREE_NAMES[True].decode()
+    return "kernel and device tree are whole" + (f"; {unseen}, not looked at" if unseen in shown else "")
 
 
 def _fault(session: Session, name: str) -> str | None:

@@ -65,6 +65,11 @@ TRIAL = Area.of(MARKS["trial"])
 ROOT = Area(ROOT_OFFSET, ROOT_SIZE, ROOT_SIZE)
 
 
+def root_volume(name: str) -> str:
+    """A slot's root file system in UBI, where it is not inside the kernel."""
+    return f"root_{name}"
+
+
 def check_flash(nand: Nand) -> None:
     """Raises FlashNotPossible for a chip that these places are not made for."""
     if (nand.size, nand.block, nand.page) != (FLASH, BLOCK, PAGE):

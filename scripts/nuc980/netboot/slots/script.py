@@ -15,6 +15,10 @@ a uImage's header, which iminfo checks. ECC alone is not enough: a page whose pr
 one that was never written, and then nobody checks it. `nand read` goes on behind bad blocks, so it reads
 what an image may have and no more: not the neighbours of a place, of which one may be unreadable. On trial, a
 kernel that hangs, panics or does not get to a program that feeds the watchdog is reset.
+
+A kernel whose root is in UBI has a root= of its own, and puts its arguments behind those of U-Boot, so that
+they would hold. Behind `--` they are init's, which does not look at them. The name in the tree's header says
+which kind of image a slot has: to attach UBI where the root is inside would format an empty partition.
 """
 
 from __future__ import annotations
@@ -24,7 +28,7 @@ from collections.abc import Mapping
 from nuc980.netboot.board import BoardReport, Nand
 from nuc980.netboot.errors import FlashNotPossible, LayoutUnknown, UnusableInput
 from nuc980.netboot.limits import DEVICE_TREE_AT, PAGE, UIMAGE_AT
-from nuc980.netboot.slots.layout import BASE, NAMES, PLACES, ROOT, TRIAL
+from nuc980.netboot.slots.layout import BASE, NAMES, PLACES, ROOT, TRIAL, root_volume
 from nuc980.netboot.slots.marks import (
     ATTEMPTS,
     BASE_WORD,
@@ -38,6 +42,9 @@ from nuc980.netboot.uimage import UImage
 
 ROOM = 250  # characters of a value: U-Boot's line is one of 254 (commandline.py), also within `run`
 MADE = LOOK + 0x1000  # in RAM: what an attempt's page is made of
+# The device tree's name in its header, by whether the root is in UBI, and where U-Boot reads its first word.
+TREE_NAMES = {False: b"device tree", True: b"root in UBI"}
+TREE_NAME_AT = DEVICE_TREE_AT + UImage.LAYOUT.size - 32
 
 # What the script runs, each with its subcommands.
 NEEDED = (
@@ -112,15 +119,26 @@ def variables(nand: Nand, arguments: str) -> dict[str, str]:
         "rtu_boot": (
             f"nand read {UIMAGE_AT:#x} ${{rtu_k}} {PLACES['a'].kernel.room:#x}"
             f" && nand read {DEVICE_TREE_AT:#x} ${{rtu_d}} {PLACES['a'].device_tree.room:#x}"
-            f" && iminfo {DEVICE_TREE_AT:#x}"
-            " && setenv bootargs ${rtu_args} ${rtu_parts} openrtu.slot=${rtu_s} ${rtu_w}"
+            f" && iminfo {DEVICE_TREE_AT:#x} && run rtu_root"
+            # One word: a command of U-Boot has 16 at most.
+            ' && setenv bootargs "${rtu_args} ${rtu_parts} openrtu.slot=${rtu_s} ${rtu_w} ${rtu_r}"'
             f" && bootm {UIMAGE_AT:#x} - {DEVICE_TREE_AT + UImage.LAYOUT.size:#x}"
+        ),
+        "rtu_root": (
+            f"if itest *{TREE_NAME_AT:#x} == {int.from_bytes(TREE_NAMES[True][:4], 'little'):#x};"
+            f" then setenv rtu_r {root_arguments('${rtu_s}')} --; else setenv rtu_r; fi"
         ),
     }
     for name, value in script.items():
         if len(value) >= ROOM:
             raise UnusableInput(f"{name} has {len(value)} characters; U-Boot's lines take {ROOM}: {value}")
     return script
+
+
+def root_arguments(slot: str) -> str:
+    """A kernel's with its root in UBI: those of board/nuc980/linux/root-ubi.fragment, for a slot."""
+    root = f"ubi.mtd=rootfs,{PAGE} root=ubi0:{root_volume(slot)} rootfstype=ubifs rw"
+    return f"console=ttyS0,115200n8 {root} panic=10"
 
 
 def partitions() -> str:
