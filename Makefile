@@ -264,11 +264,11 @@ SYSTEM_PARTS += $(if $(FOR_SITE),$(if $(wildcard $(FOR_SITE)/update-server),buil
 image-debian: $(SYSTEM_PARTS) ## Build: the board's image from Debian's packages (SITE=folder: with its settings)
 	$(LOGGED) $(notdir $(SYSTEM)) scripts/build-system.sh $(SYSTEM) $(GATEWAY) $(LINUX_FRAGMENTS)
 
-update: $(if $(and $(SITE),$(KEY),$(CERTIFICATE)),image-debian $(VENV)) ## Build: a signed update of that image (SITE=folder KEY=file CERTIFICATE=file)
+update: $(if $(and $(SITE),$(KEY),$(CERTIFICATE)),$(if $(filter command line,$(origin IMAGE)),,image-debian) $(VENV)) ## Build: a signed update of that image, or IMAGE= (SITE= KEY= CERTIFICATE=)
 ifeq ($(and $(SITE),$(KEY),$(CERTIFICATE)),)
 	@echo "make update SITE=folder KEY=file CERTIFICATE=file: who gets it, and who signs it (docs/update.md)" >&2; exit 2
 endif
-	PYTHONPATH=scripts $(PYTHON) -m image.update $(SYSTEM) --site '$(notdir $(SITE_SETTINGS))' \
+	PYTHONPATH=scripts $(PYTHON) -m image.update $(NETBOOTED) --site '$(notdir $(SITE_SETTINGS))' \
 	  --key '$(KEY)' --certificate '$(CERTIFICATE)' --out $(SYSTEM).swu
 
 build/busybox/done: scripts/build-busybox.sh board/nuc980/busybox.config build/busybox/debian.dsc | $(SYSROOT)

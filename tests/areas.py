@@ -31,7 +31,7 @@ ON_BOARD = (  # the gateway there
     "tests/linux/test_gateway_*.py tests/linux/test_ntp.py tests/linux/test_receiver_clock.py "
     "tests/linux/test_realtime.py tests/linux/test_run.py tests/linux/test_system*.py "
     "tests/linux/test_trial_boots.py tests/linux/test_update_board.py tests/linux/test_update_cuts.py "
-    "tests/linux/test_watchdog_gateway.py"
+    "tests/linux/test_update_root.py tests/linux/test_watchdog_gateway.py"
 )
 NETBOOT = "test-netboot tests/twin/test_uboot.py test-linux test-bench"  # who boots over the debug UART
 TREE = "tests/test_tree.py"  # it reads every file

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """
-update.py: a signed update file for boards with two slots, of the image of `make image-debian`: what
-`rtu-update install` takes. SWUpdate's format: a cpio archive of its description, the CMS signature of that,
-and the files. The same image and an RSA key give the same bytes. Exit codes: 0 done, 2 unusable input.
+update.py: a signed update file for boards with two slots, of an image with its root inside the kernel or as
+rootfs.ubifs beside it: what `rtu-update install` takes. SWUpdate's format: a cpio archive of its description,
+the CMS signature of that, and the files. The same image and an RSA key give the same bytes. Exit codes: 0
+done, 2 unusable input.
 """
 
 from __future__ import annotations
@@ -19,8 +20,9 @@ from pathlib import Path
 
 from image.cpio import Entry, archive
 from nuc980.errors import UnusableInput
+from nuc980.netboot.limits import ROOT_VOLUME
 from nuc980.netboot.slots.command import wrapped
-from nuc980.netboot.slots.layout import NAMES, PLACES
+from nuc980.netboot.slots.layout import NAMES, PLACES, root_volume
 
 ROOT = Path(__file__).resolve().parents[2]
 VERSION = ROOT / "package" / "openrtu" / "src" / "VERSION"
@@ -30,6 +32,8 @@ BOARD = "nuc980-gateway"
 # What SWUpdate compares versions by: up to four numbers.
 NUMBERS = re.compile(r"\d+(\.\d+){0,3}")
 SITE = re.compile(r"[A-Za-z0-9._-]+")
+# A board has the whole file in memory until it is known to be good: less than rtu-update's WORK_SIZE.
+MOST = 19 << 20
 
 
 @dataclass(frozen=True)
@@ -84,12 +88,18 @@ def update_file(
     signer: Signer,
     board: str = BOARD,
     writes: int | None = None,
+    root: bytes | None = None,
 ) -> bytes:
     """
     A signed update for a site's boards. tree: as it was compiled. writes: the format in which that version
-    keeps /data [this tree's]. Raises UnusableInput.
+    keeps /data [this tree's]. root: a UBIFS image, where it is not inside the kernel. Raises UnusableInput.
     """
-    files = {"kernel": kernel, "tree": wrapped(tree), "check": SCRIPT.read_bytes()}
+    files = {"root": root} if root else {}
+    files |= {
+        "kernel": kernel,
+        "tree": wrapped(tree, root_in_ubi=root is not None),
+        "check": SCRIPT.read_bytes(),
+    }
     _check(files, version, site)
     writes = data_format("writes") if writes is None else writes
     described = _description(files, version, board, site, writes).encode()
@@ -102,6 +112,8 @@ def _check(files: dict[str, bytes], version: str, site: str) -> None:
     for name, area in (("kernel", places.kernel), ("tree", places.device_tree)):
         if len(files[name]) > area.room:
             raise UnusableInput(f"The {name} has {len(files[name])} bytes; a slot takes {area.room}")
+    if (size := sum(map(len, files.values()))) > MOST:
+        raise UnusableInput(f"The update has {size} bytes; a board's memory takes {MOST}")
     if not NUMBERS.fullmatch(version):
         raise UnusableInput(f"{version!r} is no version: boards compare up to four numbers with dots between")
     if not SITE.fullmatch(site):
@@ -109,17 +121,25 @@ def _check(files: dict[str, bytes], version: str, site: str) -> None:
 
 
 def _description(files: dict[str, bytes], version: str, board: str, site: str, writes: int) -> str:
-    """SWUpdate's sw-description: the same files for either slot; the board chooses."""
+    """SWUpdate's sw-description: the same files for either slot; the board chooses. The tree is the last."""
     sums = {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}
-    facts = " ".join(f"{len(files[name])} {sums[name]}" for name in ("kernel", "tree"))
+
+    def facts(*names: str) -> str:
+        return " ".join(f"{len(files[name])} {sums[name]}" for name in names)
 
     def part(kind: str, name: str, what: str) -> str:
         return f'{{ filename = "{name}"; sha256 = "{sums[name]}"; type = "{kind}"; {what}; }}'
 
     def slot(name: str) -> str:
-        images = ", ".join(part("flash", each, f'mtdname = "{each}-{name}"') for each in ("kernel", "tree"))
-        script = part("shellscript", "check", f'data = "{name} {facts} {writes}"')
-        return f"{name}: {{ images: ( {images} ); scripts: ( {script} ); }};"
+        images = [part("flash", each, f'mtdname = "{each}-{name}"') for each in ("kernel", "tree")]
+        words, volumes = f"{name} {facts('kernel', 'tree')} {writes}", ""
+        if "root" in files:
+            volume = root_volume(name)
+            images.insert(0, part("ubivol", "root", f'volume = "{volume}"'))
+            words += f" {facts('root')} {ROOT_VOLUME}"
+            volumes = f'partitions: ( {{ name = "{volume}"; device = "rootfs"; size = {ROOT_VOLUME}; }} ); '
+        script = part("shellscript", "check", f'data = "{words}"')
+        return f"{name}: {{ {volumes}images: ( {', '.join(images)} ); scripts: ( {script} ); }};"
 
     return f"""software = {{
     version = "{version}";
@@ -136,7 +156,11 @@ def _description(files: dict[str, bytes], version: str, board: str, site: str, w
 
 def main(words: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="update", description="Make a signed update of an image.")
-    parser.add_argument("images", type=Path, help="the folder with uImage and nuc980-gateway.dtb")
+    parser.add_argument(
+        "images",
+        type=Path,
+        help="the folder with uImage, nuc980-gateway.dtb and, if it is not inside, rootfs.ubifs",
+    )
     parser.add_argument("--key", type=Path, required=True, help="the private key that signs (PEM)")
     parser.add_argument(
         "--certificate", type=Path, required=True, help="its certificate, which the boards have"
@@ -147,6 +171,7 @@ def main(words: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--out", type=Path, required=True, help="the file")
     given = parser.parse_args(words)
+    root = given.images / "rootfs.ubifs"
     try:
         content = update_file(
             (given.images / "uImage").read_bytes(),
@@ -154,6 +179,7 @@ def main(words: Sequence[str] | None = None) -> int:
             given.version or VERSION.read_text(encoding="utf-8").strip(),
             given.site,
             Signer(given.key, given.certificate),
+            root=root.read_bytes() if root.exists() else None,
         )
         given.out.write_bytes(content)
     except UnusableInput as error:

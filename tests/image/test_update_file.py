@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from image.update import Signer, data_format, main, update_file
+from image.update import MOST, Signer, data_format, main, update_file
 from nuc980.errors import UnusableInput
+from nuc980.netboot.limits import ROOT_VOLUME
 from nuc980.netboot.slots.layout import PLACES
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -63,6 +64,33 @@ def test_description_has_each_hash_for_each_slot(content: Path) -> None:
         assert described.count(f'sha256 = "{hashlib.sha256((content / name).read_bytes()).hexdigest()}"') == 2
     assert 'version = "1.2.3";' in described
     assert 'hardware-compatibility: [ "station-7" ];' in described
+
+
+def test_root_in_ubi_is_written_before_kernel_and_tree(signer: Signer) -> None:
+    """Into the volume of the slot, which SWUpdate makes; the script gets its size and hash, too."""
+    root = b"root" * 1000
+    file = update_file(KERNEL, TREE, "1.2.3", "station-7", signer, root=root)
+    described = file[: file.index(b"sw-description.sig")].decode(errors="replace")
+    for slot in PLACES:
+        begin = described.index(f"{slot}: {{ partitions:")
+        words = described[begin : described.find("};\n", begin)]
+        assert f'name = "root_{slot}"; device = "rootfs"; size = {ROOT_VOLUME};' in words
+        assert re.findall(r'type = "(?:ubivol|flash)"; (\w+ = "[^"]+")', words) == [
+            f'volume = "root_{slot}"',
+            f'mtdname = "kernel-{slot}"',
+            f'mtdname = "tree-{slot}"',
+        ]
+        assert f' {len(root)} {hashlib.sha256(root).hexdigest()} {ROOT_VOLUME}"' in words
+
+
+def test_more_than_a_board_has_memory_for(signer: Signer) -> None:
+    """What `rtu-update` gives to a file holds the largest."""
+    script = (ROOT / "board/nuc980/rootfs-overlay/usr/sbin/rtu-update").read_text()
+    room = re.search(r'^WORK_SIZE="(\d+)m"$', script, re.MULTILINE)
+    assert room is not None
+    assert int(room[1]) << 20 > MOST
+    with pytest.raises(UnusableInput, match="memory takes"):
+        update_file(KERNEL, TREE, "1.2.3", "station-7", signer, root=bytes(MOST))
 
 
 def test_tree_is_wrapped_for_u_boot(content: Path) -> None:

@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from update_board import ubi_image
 
 from desk import chapter_5, values
-from image.checks import value_of
 from lab.board_show import BOARD_STEPS
 from lab.gateway import free_port
 from lab.kept import record
@@ -238,7 +238,7 @@ def test_image_of_a_folder_comes_up() -> None:
 @pytest.fixture
 def flash_image(tmp_path: Path) -> Path:
     """As Buildroot makes nuc980_gateway_lts, of our own system: Linux alone, and its root as a UBI image."""
-    folder, root, ubifs = tmp_path / "image", tmp_path / "root", tmp_path / "root.ubifs"
+    folder, root = tmp_path / "image", tmp_path / "root"
     folder.mkdir()
     root.mkdir()
     fragment = (ROOT / "board/nuc980/linux/root-ubi.fragment").read_text()
@@ -252,17 +252,7 @@ def flash_image(tmp_path: Path) -> Path:
     )  # fmt: skip
     with (ROOT / "build/system-lab.parts/initramfs.cpio").open("rb") as archive:
         subprocess.run(["cpio", "-idf", "--quiet", "dev/*"], stdin=archive, cwd=root, check=True)
-    lts = ROOT / "configs/nuc980_gateway_lts_defconfig"
-    block, most = (value_of(lts, f"BR2_TARGET_ROOTFS_UBIFS_{name}") for name in ("LEBSIZE", "MAXLEBCNT"))
-    subprocess.run(
-        ["mkfs.ubifs", "-r", root, "-m", "2048", "-e", block, "-c", most, "-F", "-U", "-o", ubifs], check=True
-    )
-    volumes = (ROOT / "board/nuc980/ubinize.cfg").read_text()
-    (tmp_path / "volumes").write_text(volumes.replace("BR2_ROOTFS_UBIFS_PATH", str(ubifs)))
-    subprocess.run(
-        ["ubinize", "-o", folder / "rootfs.ubi", "-m", "2048", "-p", "128KiB", tmp_path / "volumes"],
-        check=True,
-    )
+    ubi_image(root, folder)
     return folder
 
 
@@ -272,7 +262,7 @@ def test_image_with_its_root_in_the_flash_comes_up(flash_image: Path) -> None:
     out, err = ended(show)
     assert (show.returncode, err) == (0, ""), out[-3000:]
     facts = dict(re.findall(r"^(arguments|/data|log-in) +(.+)$", out[out.rindex("\n\n") :], re.MULTILINE))
-    assert "root=ubi0:rootfs" in facts["arguments"]
+    assert "root=ubi0:root_a" in facts["arguments"]
     assert facts["/data"] == "UBI device 0, volume 1"
     assert facts["log-in"].endswith("login:")
     assert "trouble" not in out

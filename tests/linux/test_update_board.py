@@ -129,9 +129,10 @@ def update(small: bytes, uboot: Path, signers: list[Signer]) -> Update:
         site: str = SITE,
         board: str = "nuc980-gateway",
         writes: int | None = None,
+        root: bytes | None = None,
     ) -> bytes:
         return update_file(
-            small, tree_that("reset", uboot)[64:], version, site, signers[signer], board, writes
+            small, tree_that("reset", uboot)[64:], version, site, signers[signer], board, writes, root
         )
 
     return make
@@ -179,6 +180,10 @@ REFUSED: dict[str, tuple[Callable[[Update], bytes], str]] = {
     "data that what runs could not read": (
         lambda update: update(writes=data_format("reads") + 1),
         f"version {VERSION} could not read what it writes to /data",
+    ),
+    "a root in UBI, where there is no UBI": (
+        lambda update: update(root=b"root"),
+        "its root is in UBI, and there is no place for it here: there is no UBI",
     ),
     "for another board": (lambda update: update(board="nuc980-numaker"), "for another board or site"),
 }

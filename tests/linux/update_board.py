@@ -2,6 +2,7 @@
 """What the tests of updates share: who signs, small images, a board that takes updates, its flash."""
 
 import json
+import re
 import subprocess
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -44,16 +45,28 @@ SITE = "station-7"
 PATIENCE = 180.0
 
 
-def wait_for(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE
+def wait_for(condition: Callable[[], bool], seconds: float = PATIENCE) -> None:
+    deadline = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < deadline
 
 
 def flash_after_install(
-    folder: Path, qemu: Path, uboot: Path, kernel: bytes, tree: bytes, bad: Iterable[int]
+    folder: Path,
+    qemu: Path,
+    uboot: Path,
+    kernel: bytes,
+    tree: bytes,
+    bad: Iterable[int] = (),
+    *,
+    settings: str = "setenv bootdelay 0",
+    quicker: Iterable[tuple[str, str, str]] = QUICKER,
+    ubi: Path | None = None,
 ) -> NandImage:
-    """Both slots have these, by `nuc980-netboot install`; U-Boot does not wait. bad: offsets of blocks."""
+    """
+    Both slots have these, by `nuc980-netboot install`, or A has them and a root in UBI; U-Boot does not wait.
+    bad: offsets of blocks. settings: U-Boot's, from before. quicker: what its script then has instead.
+    """
     nand = NandImage.blank(folder / "nand")
     for offset in bad:
         nand.mark_bad(offset // BLOCK)
@@ -62,15 +75,30 @@ def flash_after_install(
         image.write_bytes(content)
     with switched_on(qemu, uboot, nand) as board:
         with at_prompt(board) as session:
-            session.console.run("setenv bootdelay 0; saveenv", 30).required()
-        given = options(board, folder / "netboot-site", free_port())
+            session.console.run(f"{settings}; saveenv", 30).required()
+        given = [] if ubi is None else ["--ubi", str(ubi)]
+        given += options(board, folder / "netboot-site", free_port())
         assert main(["install", *map(str, images), "--no-backup", "a blank flash", *given]) == 0
         with at_prompt(board) as session:
             environment = read_environment(session.console).variables
-            for name, long, short in QUICKER:
+            for name, long, short in quicker:
                 SetVariable(name, environment[name].replace(long, short)).run(session)
             session.console.run("saveenv", 30).required()
     return nand
+
+
+def ubi_image(root: Path, folder: Path) -> tuple[Path, Path]:
+    """A root file system as Buildroot makes it for nuc980_gateway_lts: UBIFS, and all of UBI with it."""
+    ubifs, ubi, volumes = folder / "rootfs.ubifs", folder / "rootfs.ubi", folder / "volumes"
+    config = (ROOT / "configs/nuc980_gateway_lts_defconfig").read_text()
+    block, most = re.findall(r"^BR2_TARGET_ROOTFS_UBIFS_(?:LEBSIZE|MAXLEBCNT)=(\w+)$", config, re.MULTILINE)
+    subprocess.run(
+        ["mkfs.ubifs", "-r", root, "-m", "2048", "-e", block, "-c", most, "-F", "-U", "-o", ubifs], check=True
+    )
+    text = (ROOT / "board/nuc980/ubinize.cfg").read_text()
+    volumes.write_text(text.replace("BR2_ROOTFS_UBIFS_PATH", str(ubifs)))
+    subprocess.run(["ubinize", "-o", ubi, "-m", "2048", "-p", "128KiB", volumes], check=True)
+    return ubifs, ubi
 
 
 def slow_lines() -> dict[str, Any]:

@@ -68,7 +68,7 @@ def test_each_variable_fits_a_line() -> None:
 
 
 def test_arguments_of_the_kernel_are_one_word() -> None:
-    """A command of U-Boot has 16 words at most. With more, the slot would be passed over, at least on trial."""
+    """U-Boot takes 16 words in a command. With more, it would pass over the slot, at least on trial."""
     command = re.search(r"setenv bootargs .*?(?= && )", variables(chip(), ARGUMENTS)["rtu_boot"])
     assert command
     assert len(shlex.split(command[0])) == 3

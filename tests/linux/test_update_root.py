@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Updates of a board whose root is in UBI: from `nuc980-netboot install --ubi` to the new version.
+
+The kernel is that of `make image-debian`. It has a root inside, which U-Boot's arguments hide from it: so it
+has arguments of its own that must not hold, as a kernel of Buildroot has.
+"""
+
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from update_board import (
+    SITE,
+    VERSION,
+    files_of,
+    flash_after_install,
+    install,
+    make_signer,
+    ubi_image,
+    wait_for,
+)
+
+from desk import chapter_5
+from image.update import Signer, update_file
+from lab.board import ETHERNET, MACS, SSH_PORT, Ssh
+from nuc980.twin.machine import INSTRUCTION_TIME, Machine
+from nuc980.twin.nand import NandImage
+
+TREE = Path(__file__).resolve().parents[2]
+SYSTEM = TREE / "build/system"
+# U-Boot's own for kernels: here no root inside. Ten seconds between two attempts are too many. QEMU's network
+# goes on with the MAC address that it knows, so each start needs the same.
+SETTINGS = (
+    "setenv bootdelay 0; setenv bootargs console=ttyS0,115200n8 rdinit=/none;"
+    f" setenv ethaddr {MACS[0]}; setenv eth1addr {MACS[1]}"
+)
+QUICKER = (("rtu_root", "panic=10", "panic=1"),)
+START_SECONDS = 900.0  # on a busy machine
+UPDATING = "until grep -q 1 /sys/class/ubi/ubi0_2/upd_marker; do sleep 0.01; done"
+
+
+@pytest.fixture(scope="module")
+def signer(folder: Path) -> Signer:
+    return make_signer(folder, "present")
+
+
+@pytest.fixture(scope="module")
+def images(folder: Path, signer: Signer, ssh: Ssh) -> tuple[Path, Path]:
+    """UBIFS and UBI, with what a site adds."""
+    root = folder / "root"
+    root.mkdir()
+    with (TREE / "build/system.parts/initramfs.cpio").open("rb") as archive:
+        subprocess.run(["cpio", "-idf", "--quiet", "dev/*"], stdin=archive, cwd=root, check=True)
+    files = files_of(SITE, signer.certificate.read_text(), chapter_5(), ssh.key, folder)
+    for name, file in files.items():
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(file, root / name)
+    return ubi_image(root, folder)
+
+
+def kernel_and_tree() -> tuple[bytes, bytes]:
+    return (SYSTEM / "uImage").read_bytes(), (SYSTEM / "nuc980-gateway.dtb").read_bytes()
+
+
+@pytest.fixture(scope="module")
+def nand(folder: Path, qemu: Path, uboot: Path, images: tuple[Path, Path]) -> NandImage:
+    more = {"settings": SETTINGS, "quicker": QUICKER, "ubi": images[1]}
+    return flash_after_install(folder, qemu, uboot, *kernel_and_tree(), **more)
+
+
+class Powered:
+    """The board as it starts by itself, by U-Boot."""
+
+    def __init__(self, qemu: Path, uboot: Path, nand: NandImage, ssh: Ssh) -> None:
+        drive = ("-drive", f"if=mtd,format=raw,file={nand.path}")
+        network = ETHERNET[0].arguments({ssh.port: SSH_PORT})
+        self.arguments = (qemu, "-bios", uboot, *network, *drive, *INSTRUCTION_TIME)
+        self.ssh = ssh
+        self.on()
+
+    def on(self) -> None:
+        self.machine = Machine(*self.arguments, options="pace=off")
+
+    def cut(self) -> None:
+        self.machine.process.kill()
+        self.machine.close()
+        self.ssh.close()
+
+    def restart(self) -> None:
+        self.ssh.run("(sleep 1; reboot) </dev/null >/dev/null 2>&1 &")
+        self.ssh.close()
+
+    def next_start(self) -> str:
+        """The slot that U-Boot starts, as `B` on trial and `a` without; its root must be of the slot."""
+        self.machine.uarts[0].wait_for(b"Kernel command line: ", START_SECONDS)
+        words = self.machine.uarts[0].wait_for(b"\n", START_SECONDS).decode().split()
+        holds = words[: words.index("--")]
+        slot = next(word[-1] for word in holds if word.startswith("openrtu.slot="))
+        assert [word for word in holds if word.startswith("root=")] == [f"root=ubi0:root_{slot}"]
+        return slot.upper() if "openrtu.trial" in holds else slot
+
+    def comes_up(self) -> None:
+        """Its console is read up to the log-in: it waits for who does not."""
+        self.machine.uarts[0].wait_for(b"login:", START_SECONDS)
+        wait_for(self.ssh.answers, START_SECONDS)
+        self.ssh.run("until pidof rtud; do sleep 0.2; done", START_SECONDS)
+
+
+@pytest.fixture(scope="module")
+def board(qemu: Path, uboot: Path, nand: NandImage, ssh: Ssh) -> Iterator[Powered]:
+    board = Powered(qemu, uboot, nand, ssh)
+    try:
+        assert board.next_start() == "a"
+        board.comes_up()
+        yield board
+    finally:
+        board.cut()
+
+
+@pytest.fixture(scope="module")
+def update(images: tuple[Path, Path], signer: Signer) -> bytes:
+    return update_file(*kernel_and_tree(), VERSION, SITE, signer, root=images[0].read_bytes())
+
+
+def test_board_after_install(board: Powered) -> None:
+    """B has nothing yet: an image has one root."""
+    assert board.ssh.run("rtu-update status").splitlines() == [
+        f"running  A, version {VERSION}",
+        "root     ubi0:root_a",
+        "base     A",
+        "trial    none",
+        "the next start takes A; if that does not load, B",
+    ]
+    assert board.ssh.run("rtu-data status").startswith("data: flash, ")
+
+
+def test_root_that_was_changed_is_refused(board: Powered, update: bytes) -> None:
+    at = len(update) // 8  # the root comes first
+    changed = update[:at] + bytes([update[at] ^ 1]) + update[at + 1 :]
+    code, said = install(board.ssh, changed)
+    assert (code, said.partition(": its ")[0]) == (1, "rtu-update: refused, and slot B is as it was")
+    assert "not what was signed" in said
+
+
+@pytest.mark.soak
+def test_power_cut_while_the_root_is_written(board: Powered, update: bytes) -> None:
+    """B has no tree and is not marked."""
+    command = [*board.ssh.command, "rtu-update install"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL) as writes:
+        assert writes.stdin
+        writes.stdin.write(update)
+        writes.stdin.close()
+        board.ssh.run(UPDATING, START_SECONDS)
+        board.cut()
+    board.on()
+    assert board.next_start() == "a"
+    board.comes_up()
+    assert "trial    none" in board.ssh.run("rtu-update status")
+
+
+@pytest.mark.soak
+def test_root_that_does_not_mount(board: Powered, update: bytes) -> None:
+    """On trial, as if blocks had gone bad since they were read back: the kernel panics, three times."""
+    assert install(board.ssh, update)[0] == 0
+    board.ssh.run("head -c 200000 /dev/urandom >/tmp/other && ubiupdatevol /dev/ubi0_2 /tmp/other; sync")
+    board.restart()
+    assert [board.next_start() for _ in range(4)] == ["B", "B", "B", "a"]
+    board.comes_up()
+
+
+def test_goes_into_the_other_root_and_is_confirmed(board: Powered, update: bytes) -> None:
+    board.ssh.run("echo kept >/data/note; sync")
+    assert install(board.ssh, update) == (
+        0,
+        "The update is in slot B, read back, and on trial at the next start.\n",
+    )
+    board.restart()
+    assert board.next_start() == "B"
+    board.comes_up()
+    assert board.ssh.run("rtu-update confirm; rtu-update status; cat /data/note").splitlines() == [
+        f"Slot B with version {VERSION} is what boots from now on.",
+        f"running  B, on trial, version {VERSION}",
+        "root     ubi0:root_b",
+        "base     B",
+        "trial    none",
+        "the next start takes B; if that does not load, A",
+        "kept",
+    ]
