@@ -24,7 +24,7 @@ import pytest
 from desk import Desk
 from lab.gateway import free_port, remove, run_directory
 from peers.centre_consumer import Ask, Consumer, Flag, Kind, Link, Record, Result, State
-from peers.outstation import ACT, INTERROGATED, Outstation, asdu
+from peers.outstation import ACT, ACT_CON, INTERROGATED, NEGATIVE, Outstation, asdu
 from peers.tls_gateway import STATION, Pki, gateway_with, public_keys
 
 CA = 47
@@ -301,6 +301,17 @@ def test_reset_and_test_as_the_station_gets_them(centre: Start) -> None:
     assert (reset.type, reset.cause, reset.ca, reset.ioa, reset.element) == (105, ACT, CA, 0, b"\1")
     assert (test.type, test.cause, test.ca, test.ioa) == (107, ACT, CA, 0)
     assert (test.element[:2], len(test.element)) == (b"\x55\xaa", 9)
+
+
+def test_interrogation_that_is_refused_is_repeated(centre: Start) -> None:
+    with Outstation() as below:
+        below.answer = lambda asked, octets: [octets[:2] + bytes((NEGATIVE | ACT_CON,)) + octets[3:]]
+        below.interrogated = [asdu(1, INTERROGATED, CA, (1, b"\x01"))]
+        consumer = centre([station("a", below.port)]).consumer()
+        consumer.until_progress(0, State.REFUSED_COMMAND)
+        below.answer = below.usual
+        told = consumer.until(is_value)
+    assert (told.ca, told.ioa, told.cause) == (CA, 1, INTERROGATED)
 
 
 # ---- commands -----------------------------------------------------------------------------------

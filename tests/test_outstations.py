@@ -367,6 +367,28 @@ def test_initialised_station_is_interrogated_again(gateway: Run, town: Outstatio
     town.wait(lambda: [a.type for a in town.asked].count(INTERROGATION) == 2, "it is interrogated again")
 
 
+def silent(asked: Asked, octets: bytes) -> list[bytes]:
+    return []
+
+
+def refuses(asked: Asked, octets: bytes) -> list[bytes]:
+    return [octets[:2] + bytes((NEGATIVE | ACT_CON,)) + octets[3:]]
+
+
+@pytest.mark.parametrize(("answer", "how"), [(silent, "does not answer"), (refuses, "refuses")])
+def test_interrogation_that_fails_is_repeated(
+    gateway: Run, town: Outstation, answer: Callable[[Asked, bytes], list[bytes]], how: str
+) -> None:
+    """A station that has only just started may not know its own points yet."""
+    town.answer = answer
+    one = gateway(outstation(town.port, confirmation_ms=300))
+    failure = f"town: CA {THERE} {how} the general interrogation, which is repeated"
+    one.wait_for(lambda: failure in one.log(), 20.0, failure)
+    town.answer = town.usual
+    wait_quality(one, "power", "good")
+    assert one.log().count(failure) == 1
+
+
 def test_clock_is_set_once_the_gateways_is(gateway: Run, town: Outstation) -> None:
     wanted = outstation(town.port, clock_s=1)
     one = gateway(wanted)
@@ -508,10 +530,6 @@ def test_refusal_has_its_reason(gateway: Run, town: Outstation, cause: int, sele
     )
     assert len(town.executions()) == (0 if selected else 1)
     assert counters(one)["town.refused"] == 1
-
-
-def silent(asked: Asked, octets: bytes) -> list[bytes]:
-    return []
 
 
 def confirms_only(asked: Asked, octets: bytes) -> list[bytes]:

@@ -217,6 +217,9 @@ static void end_poll(struct centre_station *station, const struct iec104_control
 	bool done = request->state == MAP_EXECUTED_COMMAND;
 
 	station->poll = 0;
+	if (!done)
+		iec104_polls_failed(station->polls, station->plan->poll_count, request,
+				    station->centre->now.monotonic_ns);
 	/* A refusal that comes at once is no slowness. */
 	station->slow = station->window == CENTRE_NO_WINDOW;
 	leave_window(station);

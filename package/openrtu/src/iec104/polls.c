@@ -1,8 +1,12 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "iec104/polls.h"
 
+#include "map/time_ns.h"
+
 #define QOI_STATION 20
 #define QCC_ALL     5
+/* A station that has only just started may not answer yet. */
+#define REPEAT_NS (10 * NS_PER_S)
 
 void iec104_polls_begin(struct iec104_poll *polls, uint32_t count, int64_t now_ns)
 {
@@ -25,6 +29,16 @@ void iec104_polls_renew(struct iec104_poll *polls, uint32_t count, uint16_t ca, 
 	for (uint32_t i = 0; i < count; i++)
 		if (polls[i].kind == IEC104_POLL_INTERROGATION && polls[i].ca == ca)
 			polls[i].due_ns = now_ns;
+}
+
+void iec104_polls_failed(struct iec104_poll *polls, uint32_t count,
+			 const struct iec104_controlling_request *request, int64_t now_ns)
+{
+	if (request->type != IEC104_C_IC_NA_1)
+		return;
+	for (uint32_t i = 0; i < count; i++)
+		if (polls[i].kind == IEC104_POLL_INTERROGATION && polls[i].ca == request->ca)
+			polls[i].due_ns = earlier(polls[i].due_ns, now_ns + REPEAT_NS);
 }
 
 uint32_t iec104_poll_post(const struct iec104_poll *poll, struct iec104_controlling *controlling,

@@ -30,6 +30,9 @@ void iec104_polls_begin(struct iec104_poll *polls, uint32_t count, int64_t now_n
 struct iec104_poll *iec104_polls_next(struct iec104_poll *polls, uint32_t count);
 /* A station was initialised: it has to be asked for everything (IEC 60870-5-5, 6.1.5). */
 void iec104_polls_renew(struct iec104_poll *polls, uint32_t count, uint16_t ca, int64_t now_ns);
+/* It has ended without success: soon an interrogation is tried again, without which nobody knows the points. */
+void iec104_polls_failed(struct iec104_poll *polls, uint32_t count,
+			 const struct iec104_controlling_request *request, int64_t now_ns);
 /* Sends it. Returns the request's id, or 0 as iec104_controlling_read. */
 uint32_t iec104_poll_post(const struct iec104_poll *poll, struct iec104_controlling *controlling,
 			  struct iec104_moment now);

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "modules/iec104m/outstation.h"
 
+#include <inttypes.h>
 #include <stdlib.h>
 
 #include "map/time_ns.h"
@@ -41,6 +42,25 @@ static void on_position(void *context, const struct iec104_asdu *asdu, uint32_t 
 				     outstation->clock);
 }
 
+/* Its failure is said once, until one succeeds or there is data transfer again. */
+static void end_poll(struct outstation *outstation, const struct iec104_controlling_request *request)
+{
+	const bool done = request->state == MAP_EXECUTED_COMMAND;
+
+	outstation->poll = 0;
+	if (!done)
+		iec104_polls_failed(outstation->polls, outstation->poll_count, request,
+				    outstation->now.monotonic_ns);
+	if (request->type != IEC104_C_IC_NA_1)
+		return;
+	if (!done && !outstation->unanswered)
+		map_log(outstation->map, MAP_LOG_WARNING,
+			"%s: CA %" PRIu16 " %s the general interrogation, which is repeated",
+			outstation->config->name, request->ca,
+			request->result == MAP_RESULT_EXCEPTION ? "refuses" : "does not answer");
+	outstation->unanswered = !done;
+}
+
 static void on_progress(void *context, const struct iec104_controlling_request *request)
 {
 	struct outstation *outstation = context;
@@ -50,7 +70,7 @@ static void on_progress(void *context, const struct iec104_controlling_request *
 		commands_progress(&outstation->commands, &outstation->active->controlling, request,
 				  outstation->now);
 	else if (iec104_controlling_has_ended(request->state))
-		outstation->poll = 0;
+		end_poll(outstation, request);
 }
 
 static void on_looked_at(void *context, const struct iec104_asdu *asdu)
@@ -164,6 +184,7 @@ static void note_start(struct outstation *outstation)
 	outstation->valid = true;
 	outstation->taken_over = false;
 	outstation->failing = false;
+	outstation->unanswered = false;
 	outstation->valid_until_ns = INT64_MAX;
 	outstation->poll = 0;
 	outstation->poll_ns = 0;

@@ -23,6 +23,7 @@ struct outstation {
 	bool valid;      /* its points may be good: they are so from the start to the loss of all links */
 	bool taken_over; /* they are a former process's, and there was no data transfer yet */
 	bool failing;    /* that has been said */
+	bool unanswered; /* the last general interrogation failed, which has been said */
 	int64_t valid_until_ns; /* without data transfer, while another link takes over */
 	struct iec104_moment now;
 	struct map_clock clock;
