@@ -101,7 +101,7 @@ def test_it_is_listed_at_every_look_and_logged(desk: Desk) -> None:
     assert "level is forced by rtuctl for 90 s" in gateway.log()
     gateway.ctl("unforce", "level")
     gateway.wait_for(lambda: "level is no longer forced: rtuctl asked" in gateway.log(), WAIT_S, "the log")
-    assert shown(gateway, "other") == (60, "good")
+    gateway.wait_for(lambda: shown(gateway, "other") == (60, "good"), WAIT_S, "the other is as it was")
 
 
 def test_it_ends_by_its_time(desk: Desk) -> None:
