@@ -92,7 +92,7 @@ def modules(directory: Path) -> list[dict[str, Any]]:
         "reads": ["drive*", "valve.count"],
         "config": {"file": str(directory / "listener.json")},
     }
-    return [module | {"heartbeat_limit_ms": 2000} for module in (valve, drive, listener)]
+    return [module | {"heartbeat_limit_ms": 5000} for module in (valve, drive, listener)]
 
 
 @dataclass

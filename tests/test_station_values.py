@@ -53,11 +53,11 @@ def master(desk: Desk) -> Iterator[RawMaster]:
 
 
 def next_of(master: RawMaster, ioa: int) -> Asdu:
-    """The next ASDU whose first object is this one."""
+    """The next ASDU of the relay whose first object is this one."""
     deadline = time.monotonic() + 60
     while True:
         asdu = master.next_asdu(deadline)
-        if int.from_bytes(asdu.body[:3], "little") == ioa:
+        if asdu.ca == RELAY_CA and int.from_bytes(asdu.body[:3], "little") == ioa:
             return asdu
 
 
@@ -140,11 +140,11 @@ def objects(asdu: Asdu) -> dict[int, bytes]:
 
 
 def until_quality(master: RawMaster, ioa: int, quality: int, timeout_s: float = 10.0) -> bytes:
-    """The value of the object's next event, which has this quality."""
+    """The value of the relay's object's next event, which has this quality."""
     deadline = time.monotonic() + timeout_s
     while True:
         asdu = master.next_asdu(deadline)
-        if asdu.type == M_ME_TE and ioa in objects(asdu):
+        if (asdu.type, asdu.ca) == (M_ME_TE, RELAY_CA) and ioa in objects(asdu):
             octets = objects(asdu)[ioa]
             assert octets[2] == quality, octets.hex(" ")
             return octets[:2]

@@ -216,7 +216,7 @@ def test_only_listed_masters_set_the_clock(programs: Path) -> None:
 @pytest.fixture
 def connection(desk: Desk) -> Iterator[socket.socket]:
     source = (new_source(desk.gateway.address[0]), 0)
-    with socket.create_connection(desk.gateway.address, 5, source) as connection:
+    with socket.create_connection(desk.gateway.address, LATE_S, source) as connection:
         yield connection
 
 
@@ -247,6 +247,7 @@ def i_frame(sent: int, received: int, asdu: bytes) -> bytes:
 
 
 GI_ALL = bytes.fromhex("640106 00 ffff 000000 14")
+LATE_S = 60.0  # an answer on a busy host
 
 
 def test_control_functions_are_confirmed(connection: socket.socket) -> None:
@@ -289,7 +290,7 @@ def test_sender_waits_at_k_and_goes_on_after_an_acknowledgement(
     connection.settimeout(0.3)
     with pytest.raises(TimeoutError):
         connection.recv(1)  # k = 12 are out, the interrogation needs more
-    connection.settimeout(5)
+    connection.settimeout(LATE_S)
     taken = 12
     while not any(frame[6:9] == bytes([100, 1, 10]) and frame[10:12] == b"\x67\x18" for frame in frames):
         connection.sendall(bytes([0x68, 4, 1, 0]) + struct.pack("<H", taken << 1))
@@ -334,7 +335,7 @@ def test_connections_wait_without_work_when_descriptors_run_out(programs: Path) 
     with gateway_on_lines(config, programs) as (_, gateway), contextlib.ExitStack() as stack:
         station = gateway.modules()["rtu-iec104"]["pid"]
         allow_descriptors(station, len(list(Path(f"/proc/{station}/fd").iterdir())) + 8)
-        peers = [stack.enter_context(socket.create_connection(gateway.address, 5)) for _ in range(16)]
+        peers = [stack.enter_context(socket.create_connection(gateway.address, LATE_S)) for _ in range(16)]
         for peer in peers:
             peer.sendall(TESTFR)
         assert received(peers[0], 6) == TESTFR_CON
@@ -344,7 +345,7 @@ def test_connections_wait_without_work_when_descriptors_run_out(programs: Path) 
             peers[-1].recv(1)
         for peer in peers[:8]:
             peer.close()
-        peers[-1].settimeout(5.0)
+        peers[-1].settimeout(LATE_S)
         assert received(peers[-1], 6) == TESTFR_CON
 
 
