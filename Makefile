@@ -8,7 +8,7 @@ SHELL := bash
 MAKEFLAGS += --no-print-directory
 # Containers set it to stay small. Here each of some thousand starts of Python would compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
-.PHONY: help setup build centre centre-page install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot image-offline source unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-debug-kernel test-offline test-sanitizers test-native test-changed test busy soak lab run run-native twin bench bench-polls bench-map clean netboot distclean
+.PHONY: help setup build centre centre-page install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot image-offline source unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom cves legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-debug-kernel test-offline test-sanitizers test-native test-changed test busy soak lab run run-native twin bench bench-polls bench-map clean netboot distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -377,6 +377,7 @@ linux-menuconfig: ## Maintain: change that image's kernel; ends with the lines f
 sdk: ## Maintain: pack the cross toolchain and the target's libraries
 legal-info: ## Maintain: collect licences and sources
 sbom: ## Maintain: write the image's bill of materials (CycloneDX)
+cves: ## Maintain: the known vulnerabilities of an image (IMAGE=, NVD=folder of CVEs at hand)
 
 menuconfig sdk legal-info: build/$(IMAGE)/.config
 	$(BUILDROOT) $@
@@ -405,6 +406,11 @@ sbom: build/$(IMAGE)/.config $(LICENCES)
 	  --in-file build/$(IMAGE)/show-info.json --out-file build/$(IMAGE)/sbom.cdx.json 2> build/$(IMAGE)/sbom.log || { \
 	  echo "sbom: $$(tail -n 1 build/$(IMAGE)/sbom.log)" >&2; exit 2; }
 	PYTHONPATH=scripts $(PYTHON) -m image.sbom build/$(IMAGE)/sbom.cdx.json
+
+cves: sbom
+	@PYTHONPATH=scripts $(PYTHON) -m image.cves $(BUILDROOT_DIR) build/$(IMAGE)/sbom.cdx.json \
+	  $(if $(NVD),'$(NVD)',$(BR2_DL_DIR)/buildroot-nvd --fetch) || [ $$? = 1 ]
+	$(if $(filter %-offline,$(IMAGE)),@echo 'What Debian mended within a release is open above: docs/security.md')
 
 check-image: $(VENV) ## Test: the Buildroot configurations, with Buildroot's own tools
 	PYTHONPATH=scripts $(PYTHON) -m image.check $(BUILDROOT_DIR)
@@ -639,7 +645,7 @@ distclean: clean ## Maintain: remove the Python environment as well
 # ---- what was typed ------------------------------------------------------------------------------
 
 # Before anything is built. Last, where all that has a default has it.
-TYPED := $(foreach name,PORT STATIONS BOARD_IP IMAGE IMAGES SITE BOARD DTS SWITCHES KEY CERTIFICATE FUZZ_SECONDS LIB60870,$(name)='$(subst ','\'',$($(name)))') \
+TYPED := $(foreach name,PORT STATIONS BOARD_IP IMAGE IMAGES SITE BOARD DTS SWITCHES KEY CERTIFICATE FUZZ_SECONDS LIB60870 NVD,$(name)='$(subst ','\'',$($(name)))') \
   IMAGE_TYPED=$(filter command,$(origin IMAGE))
 REFUSED := $(shell $(TYPED) scripts/check-arguments.sh $(MAKECMDGOALS))
 $(if $(REFUSED),$(error $(REFUSED)))

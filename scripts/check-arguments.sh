@@ -101,6 +101,10 @@ for goal; do
 		;;
 	image | image-buildroot | source) for image in $IMAGES; do check_configuration "$image" "IMAGES=$image"; done ;;
 	menuconfig | linux-menuconfig | savedefconfig | sdk | legal-info | sbom) check_configuration "$IMAGE" "IMAGE=$IMAGE" ;;
+	cves)
+		check_configuration "$IMAGE" "IMAGE=$IMAGE"
+		[[ -z ${NVD:-} || -d $NVD ]] || refuse "NVD=$NVD is not a folder; docs/security.md says what belongs in it"
+		;;
 	dtb)
 		check_board
 		check_device_tree

@@ -59,6 +59,14 @@ bill = {"bomFormat": "CycloneDX", "specVersion": "1.6", "metadata": {"component"
 bill |= {"components": [linux, gateway], "dependencies": [{"ref": name, "dependsOn": ["linux", "openrtu"]}]}
 json.dump(bill, open(write, "w"))
 """
+# What `make cves` calls: Linux has what the folder of CVEs is said to have.
+CVE_CHECK = """\
+#!/usr/bin/env python3
+import json, sys
+bill = json.load(open(sys.argv[2]))
+cve = {"id": "CVE-2025-1", "analysis": {"state": "exploitable"}, "affects": [{"ref": "linux"}]}
+print(json.dumps(bill | {"vulnerabilities": [cve]}))
+"""
 
 
 def command_of_the_page() -> str:
@@ -97,6 +105,14 @@ class Tree:
         self.buildroot = folder / "buildroot"
         self.buildroot.mkdir()
         (self.buildroot / "Makefile").write_text(BUILDROOT)
+
+    def plant(self, program: str, name: str) -> None:
+        """A program of Buildroot's that reads what its show-info says."""
+        (self.buildroot / "Makefile").write_text(LINUX + BUILDROOT + SHOW_INFO)
+        file = self.buildroot / name
+        file.parent.mkdir(parents=True)
+        file.write_text(program)
+        file.chmod(0o755)
 
     def make(self, *words: str) -> subprocess.CompletedProcess[str]:
         unwanted = ("MAKE", "MFLAGS", "BR2_", "OPENRTU", "SITE", "IMAGE", "BUILDROOT_DIR", "FORCE_UNSAFE")
@@ -260,11 +276,7 @@ def git(folder: Path, *words: str) -> str:
 
 @pytest.mark.slow
 def test_sbom_is_the_images_with_its_version_and_a_release_of_linux(tree: Tree) -> None:
-    (tree.buildroot / "Makefile").write_text(LINUX + BUILDROOT + SHOW_INFO)
-    generator = tree.buildroot / "utils/generate-cyclonedx"
-    generator.parent.mkdir()
-    generator.write_text(GENERATE)
-    generator.chmod(0o755)
+    tree.plant(GENERATE, "utils/generate-cyclonedx")
     done = tree.make_with_stand_in("sbom", "IMAGE=nuc980_netboot")
     assert done.returncode == 0, done.stderr
     bill = json.loads((tree.folder / "build/nuc980_netboot/sbom.cdx.json").read_text())
@@ -272,6 +284,19 @@ def test_sbom_is_the_images_with_its_version_and_a_release_of_linux(tree: Tree) 
     image = bill["metadata"]["component"]
     assert (image["bom-ref"], image["version"]) == ("nuc980_netboot", version)
     assert ":linux_kernel:5.10.140:" in bill["components"][0]["cpe"]
+
+
+@pytest.mark.slow
+def test_cves_are_of_the_images_bill_and_of_the_named_folder(tree: Tree) -> None:
+    tree.plant(GENERATE, "utils/generate-cyclonedx")
+    tree.plant(CVE_CHECK, "support/scripts/cve-check")
+    cve = tree.folder / "nvd/git/CVE-2025/CVE-2025-00xx/CVE-2025-0001.json"
+    cve.parent.mkdir(parents=True)
+    cve.touch()
+    done = tree.make_with_stand_in("cves", "IMAGE=nuc980_netboot", "NVD=nvd")
+    assert done.returncode == 0, done.stderr
+    assert "linux      5.10.140  CVE-2025-1" in done.stdout
+    assert (tree.folder / "build/nuc980_netboot/cves.cdx.json").exists()
 
 
 @pytest.mark.slow
@@ -316,6 +341,8 @@ WRONG = [
     ("update BOARD=numaker", "make update knows the gateway board only"),
     ("image IMAGE=nope", "IMAGES=nope: there is no configs/nope_defconfig"),
     ("menuconfig IMAGE=nope", "IMAGE=nope: there is no configs/nope_defconfig"),
+    ("cves IMAGE=nope", "IMAGE=nope: there is no configs/nope_defconfig"),
+    ("cves NVD=nope", "NVD=nope is not a folder; docs/security.md says what belongs in it"),
     ("system SITE=sites/json", "sites/json/config.json is not JSON"),
     ("system SITE=sites/more", "sites/more/config.yaml is not a setting of a site"),
     ("image SITE=sites/macs", 'sites/macs/macs has no line "eth0 XX:XX:XX:XX:XX:XX"'),
