@@ -515,7 +515,6 @@ test-station test-lines test-gateway test-bench test-pins test-image test-netboo
 test-linux: WORKERS := 2 # a guest that starts fills a core
 test-linux: linux image-debian build/swupdate/done build/curl/done lab qemu uboot build build/arm/build.ninja $(TESTED) ## Test: Linux on the emulated board
 	$(LOGGED) arm ninja -C build/arm logic/logic-desk
-	scripts/build-dtb.sh $(DTS) build/dtb/GATEWAY_PDMA=1/nuc980-gateway.dtb GATEWAY_PDMA=1
 	$(MAKE) image-debian SITE=tests/linux/site-tls
 	$(AREA)
 

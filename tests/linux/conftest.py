@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the tests of Linux on the emulated board share. A module's tests share one boot."""
 
+import dataclasses
 import os
 import subprocess
 from collections.abc import Callable, Iterator
@@ -34,6 +35,15 @@ def kernel() -> Kernel:
         if not file.exists():
             pytest.fail(f"{file} is not there: `make linux system dtb`", pytrace=False)
     return Kernel(folder / "zImage", dtb, root)
+
+
+@pytest.fixture(scope="session")
+def kernel_with_pdma(kernel: Kernel, tmp_path_factory: pytest.TempPathFactory) -> Kernel:
+    """The same, whose six lines move their bytes by PDMA."""
+    dtb = tmp_path_factory.mktemp("pdma") / "nuc980-gateway.dtb"
+    source = ROOT / "dts/nuvoton/nuc980-gateway.dts"
+    subprocess.run([ROOT / "scripts/build-dtb.sh", source, dtb, "GATEWAY_PDMA=1"], check=True)
+    return dataclasses.replace(kernel, dtb=dtb)
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The DMA controllers under Linux: a UART's ring that nothing stops, and what ends it."""
 
-import dataclasses
 import re
 import subprocess
 from collections.abc import Callable, Iterator
@@ -13,7 +12,6 @@ import pytest
 from nuc980.twin.linux import Kernel, Linux
 
 HERE = Path(__file__).parent
-ROOT = HERE.parents[1]
 
 NEAR, FAR = "/dev/ttyS1", "/dev/ttyS3"  # the ends of one line
 NEAR_RX = 7  # its request
@@ -39,17 +37,11 @@ def gaps(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def linux(
-    boot: Callable[..., Linux], kernel: Kernel, gaps: Path, tmp_path_factory: pytest.TempPathFactory
+    boot: Callable[..., Linux], kernel_with_pdma: Kernel, gaps: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[Linux]:
     """A board whose UART1 and UART3 have one line between them, and PDMA."""
-    folder = tmp_path_factory.mktemp("pdma")
-    dtb = folder / "pdma.dtb"
-    subprocess.run(
-        [ROOT / "scripts/build-dtb.sh", ROOT / "dts/nuvoton/nuc980-gateway.dts", dtb, "GATEWAY_PDMA=1"],
-        check=True,
-    )
-    kernel = dataclasses.replace(kernel, dtb=dtb).without_services()  # no gateway opens the lines
-    wire = f"socket,path={folder}/wire"
+    kernel = kernel_with_pdma.without_services()  # no gateway opens the lines
+    wire = f"socket,path={tmp_path_factory.mktemp('wire')}/wire"
     with boot(
         kernel=kernel, chardevs={1: f"{wire},server=on,wait=off", 3: wire}, files={"/bin/gaps": gaps}
     ) as linux:

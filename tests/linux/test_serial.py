@@ -19,9 +19,6 @@ import pytest
 from nuc980.twin.linux import Kernel, Linux, archive
 from nuc980.twin.machine import INSTRUCTION_TIME, Machine, SerialLine
 
-HERE = Path(__file__).parent
-ROOT = HERE.parents[1]
-
 LINES = (1, 2, 3, 4, 6, 8)  # of the six the numbers of UART and tty
 WITH_RTS = 3
 UART_HZ = 12_000_000  # the crystal
@@ -43,23 +40,19 @@ def uart(number: int) -> int:
     return 0xB0070000 + 0x1000 * number
 
 
-def with_pdma(kernel: Kernel) -> Kernel:
-    dtb = ROOT / "build/dtb/GATEWAY_PDMA=1/nuc980-gateway.dtb"
-    if not dtb.exists():
-        pytest.fail(f"{dtb} is not there: `make dtb SWITCHES=GATEWAY_PDMA=1`", pytrace=False)
-    return dataclasses.replace(kernel, dtb=dtb)
-
-
 @pytest.fixture(scope="module", params=["interrupts", "pdma"])
 def mode(request: pytest.FixtureRequest) -> str:
     return cast(str, request.param)
 
 
 @pytest.fixture(scope="module")
-def linux(mode: str, boot: Callable[..., Linux], kernel: Kernel, serial_line: Path) -> Iterator[Linux]:
-    kernel = kernel.without_services()  # no gateway opens the lines
-    if mode == "pdma":
-        kernel = with_pdma(kernel)
+def kernel_of_mode(mode: str, kernel: Kernel, kernel_with_pdma: Kernel) -> Kernel:
+    return kernel_with_pdma if mode == "pdma" else kernel
+
+
+@pytest.fixture(scope="module")
+def linux(boot: Callable[..., Linux], kernel_of_mode: Kernel, serial_line: Path) -> Iterator[Linux]:
+    kernel = kernel_of_mode.without_services()  # no gateway opens the lines
     with boot(
         *INSTRUCTION_TIME, kernel=kernel, uarts=(0, *LINES), files={"/bin/serial-line": serial_line}
     ) as linux:
@@ -330,29 +323,28 @@ def test_rs485_settings_stay(linux: Linux, polarity: int, delays: tuple[int, int
 @pytest.mark.parametrize("delays", [DELAYS[0], DELAYS[-1]], ids=str)
 @pytest.mark.parametrize("polarity", [RTS_ON_SEND, RTS_AFTER_SEND])
 def test_rs485_direction(
-    mode: str,
     qemu: Path,
-    kernel: Kernel,
+    kernel_of_mode: Kernel,
     serial_line: Path,
     tmp_path: Path,
     polarity: int,
     delays: tuple[int, int],
 ) -> None:
     """On a board whose RTS drives the transceivers, where even the debug UART, without RTS, is not heard."""
-    assert kernel.root
+    assert kernel_of_mode.root
     script = (
         "#!/bin/sh\nexport PATH=/sbin:/bin:/usr/bin\nmount -t devtmpfs devtmpfs /dev\n"
         f"serial-line direction {ENABLED | polarity} {delays[0]} {delays[1]} /dev/ttyS2\n"
         "serial-line direction 3 0 0 /dev/ttyS3\nwhile :; do sleep 1000; done\n"
     )
     initrd = tmp_path / "initrd"
-    root = kernel.root.read_bytes()
+    root = kernel_of_mode.root.read_bytes()
     files: dict[str, Path | str] = {"/sbin/direction": script, "/bin/serial-line": serial_line}
     initrd.write_bytes(root + bytes(-len(root) % 4) + archive(files))
     with Machine(
         qemu, *INSTRUCTION_TIME, "-global", "nuc980-uart.de-on-rts=on",
-        "-kernel", kernel.image, "-initrd", initrd,
-        "-dtb", (with_pdma(kernel) if mode == "pdma" else kernel).dtb,
+        "-kernel", kernel_of_mode.image, "-initrd", initrd,
+        "-dtb", kernel_of_mode.dtb,
         "-append", "console=ttyS0,115200 rdinit=/sbin/direction", uarts=(0, 2, 3),
     ) as machine:  # fmt: skip
         wire_flow_control(machine)
@@ -364,9 +356,8 @@ def test_rs485_direction(
 # ---- the console
 
 
-@pytest.mark.parametrize("pdma", [False, True])
-def test_panic_is_seen_and_ends_in_a_restart(boot: Callable[..., Linux], kernel: Kernel, pdma: bool) -> None:
-    kernel = (with_pdma(kernel) if pdma else kernel).without_services()
+def test_panic_is_seen_and_ends_in_a_restart(boot: Callable[..., Linux], kernel_of_mode: Kernel) -> None:
+    kernel = kernel_of_mode.without_services()
     kernel = dataclasses.replace(kernel, arguments=f"{kernel.arguments} panic=1")
     with boot(*INSTRUCTION_TIME, kernel=kernel) as linux:
         linux.type("echo c > /proc/sysrq-trigger\n<run 1>\n")
