@@ -182,33 +182,40 @@ dtb: $(VENV) ## Build: the board's device tree: generate, compile, check (BOARD=
 
 # ---- the twin ------------------------------------------------------------------------------------
 
-QEMU_PARTS := scripts/build-qemu.sh scripts/patched-source.sh $(shell find board/nuc980/qemu patches/qemu -type f)
+# Make sees a part that is new, not one that is gone, such as a patch: each build notes those that it had.
+gone = $(if $(filter-out $(2),$(file <build/$(1)/parts)),FORCE)
+
+QEMU_PARTS := scripts/build-qemu.sh scripts/patched-source.sh $(wildcard patches/qemu/*.patch) \
+  $(shell find board/nuc980/qemu -type f -not -name '.*')
 
 qemu: build/qemu/done ## Build: the emulated board: QEMU with the machine nuc980
 
-build/qemu/done: $(QEMU_PARTS) build/qemu/debian.dsc | build/packages-twin.done
+build/qemu/done: $(QEMU_PARTS) $(call gone,qemu,$(QEMU_PARTS)) build/qemu/debian.dsc | build/packages-twin.done
 	$(LOGGED) qemu scripts/build-qemu.sh build/qemu/debian $(@D)
+	@echo $(QEMU_PARTS) > $(@D)/parts
 	@touch $@
 
-UBOOT_PARTS := scripts/build-uboot.sh scripts/patched-source.sh $(shell find patches/uboot dts/nuvoton -type f)
+UBOOT_PARTS := scripts/build-uboot.sh scripts/patched-source.sh $(wildcard patches/uboot/*.patch dts/nuvoton/*.dts*)
 
 uboot: build/u-boot/done ## Build: the board's U-Boot
 
-build/u-boot/done: $(UBOOT_PARTS) build/u-boot/debian.dsc | build/packages-twin.done
+build/u-boot/done: $(UBOOT_PARTS) $(call gone,u-boot,$(UBOOT_PARTS)) build/u-boot/debian.dsc | build/packages-twin.done
 	$(LOGGED) u-boot scripts/build-uboot.sh build/u-boot/debian $(@D)
+	@echo $(UBOOT_PARTS) > $(@D)/parts
 	@touch $@
 
 # The one that was tried; with another one from the archive the patches apply, or the build says which does not.
 LINUX_VERSION := 6.1.176-1
 LINUX_FRAGMENTS := board/nuc980/linux/hardening.fragment
 LINUX_PARTS := scripts/build-linux.sh scripts/patched-source.sh $(LINUX_FRAGMENTS) \
-  $(wildcard patches/linux/6.1/*) $(shell find dts/bindings -type f)
+  $(wildcard patches/linux/6.1/*.patch) $(shell find dts/bindings -type f -not -name '.*')
 
 linux: build/linux/done ## Build: the board's Linux: Debian's 6.1 with PREEMPT_RT and our port
 
 # Its source alone, for make image-offline, which compiles it otherwise.
-build/linux/source.inputs: $(LINUX_PARTS) build/linux/debian.dsc
+build/linux/source.inputs: $(LINUX_PARTS) $(call gone,linux,$(LINUX_PARTS)) build/linux/debian.dsc
 	$(LOGGED) linux-patches scripts/build-linux.sh build/linux/debian
+	@echo $(LINUX_PARTS) > $(@D)/parts
 	@touch $@
 
 build/linux/done: $(LINUX_PARTS) build/linux/source.inputs | build/packages-twin.done

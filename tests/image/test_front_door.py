@@ -394,6 +394,38 @@ def test_what_cannot_be_used_is_said_before_anything_is_built(
 
 
 @pytest.mark.slow
+def test_patch_that_is_gone_is_built_without(tree: Tree) -> None:
+    built = tree.folder / "built"
+    patches = [tree.folder / "patches" / name / "0002-x.patch" for name in ("qemu", "uboot", "linux/6.1")]
+    (tree.folder / "build/packages-twin.done").touch()
+    for name, patch in zip(("qemu", "u-boot", "linux"), patches, strict=True):
+        patch.parent.mkdir(parents=True)
+        patch.touch()
+        patch.with_name("0001-x.patch").touch()
+        script = tree.folder / "scripts" / f"build-{name.replace('-', '')}.sh"
+        script.write_text(f"#!/bin/sh\necho {name} >> {built}\n")
+        (tree.folder / "build" / name).mkdir()
+        (tree.folder / "build" / name / "debian.dsc").touch()
+
+    def builds() -> set[str]:
+        built.write_text("")
+        done = tree.make("qemu", "uboot", "linux")
+        assert done.returncode == 0, done.stderr
+        return set(built.read_text().split())
+
+    everything = {"qemu", "u-boot", "linux"}
+    assert builds() == everything
+    assert builds() == set()
+    for patch in patches:
+        patch.unlink()
+        patch.with_name(".0001-x.patch.swp").touch()
+    assert builds() == everything
+    for patch in patches:
+        patch.with_name(".0001-x.patch.swp").unlink()
+    assert builds() == set()
+
+
+@pytest.mark.slow
 def test_netboot_boots_what_is_asked_for(tree: Tree) -> None:
     images = tree.folder / "build/nuc980_netboot/images"
     site = tree.folder / "site"
