@@ -438,10 +438,12 @@ build/%-development/.config: configs/%_defconfig configs/parts/development.confi
 build/%-offline/.config: configs/%_defconfig configs/parts/offline.config $(BUILDROOT_DIR)/Makefile build/offline/overrides.mk build/offline/toolchain/done \
   | build/packages-image.done build/packages-offline.done
 	@mkdir -p $(@D)
-	cat $(wordlist 1,2,$^) > $(@D)/$*-offline_defconfig
+	cat $(filter configs/%,$^) > $(@D)/$*-offline_defconfig
 	$(call buildroot,$*-offline) BR2_DEFCONFIG=$(CURDIR)/$(@D)/$*-offline_defconfig defconfig
 	$(call buildroot,$*-offline) --silent show-info > $(@D)/show-info.json
 	$(OFFLINE) seed $(@D) $(@D)/show-info.json || { rm $@; exit 2; }
+
+build/nuc980_gateway_lts-offline/.config: configs/parts/offline-system.config
 
 build/offline/overrides.mk: configs/offline.toml scripts/image/offline.py
 	$(MAKE) $$($(OFFLINE) targets)

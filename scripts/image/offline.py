@@ -302,7 +302,7 @@ def main(words: Sequence[str] | None = None) -> int:
             if missing := sorted(not_covered(packages, table)):
                 raise UnusableInput(
                     f"configs/offline.toml has nothing for {', '.join(missing)}",
-                    next_step="add a row, or turn it off in configs/parts/offline.config",
+                    next_step="add a row, or turn it off in configs/parts/offline-system.config",
                 )
             seed(arguments.output, packages, table)
     except UnusableInput as error:

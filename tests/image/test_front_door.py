@@ -198,10 +198,13 @@ def test_image_offline_gets_its_compiler_and_overrides(tree: Tree) -> None:
     (tree.folder / "configs/offline.toml").write_text("source = []\n[programs]\n")  # nothing to fetch
     done = tree.make_with_stand_in("image-offline")
     assert done.returncode == 0, done.stderr
-    for image in ("nuc980_gateway_lts", "nuc980_uboot"):
+    for image, parts in {
+        "nuc980_gateway_lts": ("offline", "offline-system"),
+        "nuc980_uboot": ("offline",),
+    }.items():
         config = tree.folder / f"build/{image}-offline/.config"
-        files = [tree.folder / "configs" / name for name in (f"{image}_defconfig", "parts/offline.config")]
-        assert config.read_text() == "".join(file.read_text() for file in files)
+        names = (f"{image}_defconfig", *(f"parts/{part}.config" for part in parts))
+        assert config.read_text() == "".join((tree.folder / "configs" / name).read_text() for name in names)
         assert tree.built(f"{image}-offline")["O"] == str(config.parent)
     assert (tree.folder / "build/offline/toolchain/bin/arm-linux-gnueabi-gcc").exists()
     assert (tree.folder / "build/offline/overrides.mk").exists()

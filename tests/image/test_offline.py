@@ -27,8 +27,8 @@ ROW = f'[[source]]\npackage = "jansson"\ndebian = "jansson"\nversion = "2.14-2"\
 
 
 def set_symbols(defconfig: str) -> dict[str, str]:
-    """With what the part for offline says otherwise."""
-    files = (ROOT / "configs" / defconfig, ROOT / "configs/parts/offline.config")
+    """With what the parts for offline say otherwise."""
+    files = (ROOT / "configs" / defconfig, *sorted((ROOT / "configs/parts").glob("offline*.config")))
     return {each.symbol: each.value for file in files for each in settings(file)}
 
 
