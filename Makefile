@@ -483,8 +483,8 @@ lint: $(VENV) ## Test: check the sources: ruff, clang-format, cppcheck, shellche
 	  -I $(SRC) $(SRC) $(LINESIM) $(BENCH) $(PROBES) $(PAYLOAD) $(PROGRAMS)
 	shellcheck --external-sources $(SHELL_FILES)
 
-# Many of these wait for a line, a timer or a guest: some at a time fill two cores. A file's tests share what they start.
-WORKERS := 3
+# Many of these wait for a line, a timer or a guest: four at a time fill two cores. A file's tests share what they start.
+WORKERS := 4
 PYTEST = OPENRTU_TIMES=build/times/$@.json $(PYTHON) tests/alone.py -n $(WORKERS) --dist loadfile --no-loadscope-reorder \
   --max-worker-restart 0
 
@@ -548,7 +548,7 @@ test-changed: $(VENV) ## Test: what a change can reach, and why (BASE=commit: si
 
 # The kernels and the images are built while the first parts run, in the time that their tests wait, and give way to them
 # (nice). What both need is built before, by one make. Of the downloads and the configuring, which wait as well, two run at a
-# time. The tests themselves run one part after another: two cores with more than three workers make tests late.
+# time. The tests themselves run one part after another: two cores with more than four workers make tests late.
 SHARED     := build qemu uboot centre-page build/packages-deb.done build/packages-centre.done build/sysroot.ini \
   build/gpsd/done build/chronyd/done build/mibs/done
 ONLY_LINUX := linux build/swupdate/done build/curl/done $(SYSTEM_PARTS) build/root/gateway-tls.done
