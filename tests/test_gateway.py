@@ -141,7 +141,7 @@ def test_type_arrives_as_event(
 
 def test_unsigned_above_32767_overflows(desk: Desk) -> None:
     report = next(r for r in desk.master.interrogate(4040) if r.ioa == 30002)
-    assert (report.value, report.quality) == (32767, "Overflow")
+    assert (report.value, "Overflow" in report.quality) == (32767, True)
 
 
 def test_float_is_rounded_nowhere(desk: Desk) -> None:

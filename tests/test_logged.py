@@ -56,7 +56,8 @@ def test_continuous_integration_gets_more_of_the_log(tmp_path: Path) -> None:
 )
 def test_progress_is_read_from_the_log(tmp_path: Path, log: str, progress: str) -> None:
     done = logged(tmp_path, f"printf '%b' {log!r}")
-    assert done.stdout == f"   * step: done{', ' if progress else ''}{progress}\n"
+    shown = re.sub(r", \d+ s$", "", done.stdout.rstrip("\n"))  # which a busy host takes for it
+    assert shown == f"   * step: done{', ' if progress else ''}{progress}"
 
 
 @pytest.mark.slow
