@@ -73,8 +73,8 @@ FIGURE_5_5 = bytes([67, 5, 0, 3, 255, 0, 115, 24])
 FIGURE_5_8 = bytes([67, 6, 0, 2, 0, 255, 103, 104])
 
 # Patience with a busy host: what it lets wait is no dead device and no dead module.
-RESPONSE_MS = 2000
-RETRIES = 2
+RESPONSE_MS = 5000  # a command is not repeated
+RETRIES = 1
 PROBE_MAX_S = 2
 MODULE_LIMIT_MS = 2000
 DEADLINE_S = 120.0  # for what takes a second on an idle host
