@@ -47,7 +47,7 @@ has_room() {
 
 # check_place SLOT VOLUME-BYTES: of a root in UBI.
 check_place() {
-	fw_printenv -n rtu_root >/dev/null 2>&1 || fail "no place for a root in UBI: the boot command does not know one"
+	grep -q " openrtu.root=" /proc/cmdline || fail "no place for a root in UBI: the boot command does not know one"
 	ubi=$(ubi) || fail "no place for a root in UBI: there is no UBI"
 	volume "$ubi" "$1" >/dev/null || has_room "$ubi" "$2" ||
 		fail "no place for a root in UBI: it has no room for a volume of $(($2 / 1048576)) MiB"

@@ -88,7 +88,7 @@ def extra_files(signers: list[Signer], ssh: Ssh, folder: Path) -> dict[str, Path
 @pytest.fixture(scope="module")
 def kernel(kernel: Kernel) -> Kernel:
     """That of the image, which takes partitions from its arguments."""
-    arguments = f"{kernel.arguments} openrtu.slot=a {partitions()}"
+    arguments = f"{kernel.arguments} openrtu.slot=a openrtu.root=kernel {partitions()}"
     return replace(kernel, image=ROOT / "build/system/uImage", root=None, arguments=arguments)
 
 

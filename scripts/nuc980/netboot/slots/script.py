@@ -124,10 +124,11 @@ def variables(nand: Nand, arguments: str) -> dict[str, str]:
             ' && setenv bootargs "${rtu_args} ${rtu_parts} openrtu.slot=${rtu_s} ${rtu_w} ${rtu_r}"'
             f" && bootm {UIMAGE_AT:#x} - {DEVICE_TREE_AT + UImage.LAYOUT.size:#x}"
         ),
-        # A word also where nothing is to be said: to delete what is not there fails in U-Boot 2016.11.
+        # An update asks Linux for openrtu.root: a boot command without it knows no root in UBI.
         "rtu_root": (
             f"if itest *{TREE_NAME_AT:#x} == {int.from_bytes(TREE_NAMES[True][:4], 'little'):#x};"
-            f" then setenv rtu_r {root_arguments('${rtu_s}')} --; else setenv rtu_r openrtu.root=kernel; fi"
+            f" then setenv rtu_r openrtu.root=ubi {root_arguments('${rtu_s}')} --;"
+            " else setenv rtu_r openrtu.root=kernel; fi"
         ),
     }
     for name, value in script.items():
