@@ -15,9 +15,11 @@ from capture import recorded
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.linesim import LineSim
 from lab.master import Master
+from lab.patience import slowness
 
 CHAPTER_5 = Path(__file__).parent / "fixtures" / "chapter5"
 RESPONSE_TIMEOUT_MS = 500  # where a slave says nothing else
+LONGEST_TIMEOUT_MS = 5000
 STILL_TIMEOUT_S = 30.0
 SCAN_S = 30.0
 PROBE_MAX_S = 2  # a device that seemed dead is back soon
@@ -32,10 +34,16 @@ def chapter_5() -> dict[str, Any]:
     loaded.setdefault("iec104", {})["connections_per_address"] = 8
     for port in loaded["port"]:
         for slave in port.get("slaves", []):
-            slave["response_timeout_min_ms"] = slave.get("response_timeout_ms", RESPONSE_TIMEOUT_MS)
+            slave["response_timeout_ms"] = patient_ms(slave.get("response_timeout_ms", RESPONSE_TIMEOUT_MS))
+            slave["response_timeout_min_ms"] = slave["response_timeout_ms"]
             if slave["id"]:
                 slave["probe_max_s"] = PROBE_MAX_S
     return loaded
+
+
+def patient_ms(timeout_ms: int) -> int:
+    """As long as a response time-out has to be, where some processes want each processor."""
+    return max(timeout_ms, min(LONGEST_TIMEOUT_MS, round(timeout_ms * slowness() / 2)))
 
 
 def values() -> dict[str, dict[str, dict[str, int]]]:

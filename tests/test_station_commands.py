@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from desk import Substation, gateway_on_lines
+from desk import Substation, gateway_on_lines, patient_ms
 from lab.gateway import Gateway
 from lab.linesim import Frame
 from lab.raw_master import Asdu, RawMaster, StationError
@@ -48,7 +48,8 @@ def configuration() -> dict[str, Any]:
         {"address": 2, "type": "float", "step": 0.5, "min": 0, "max": 100},
         {"address": 4, "type": "bitstring"},
     ]
-    slave = {"id": UNIT, "response_timeout_ms": 400, "coils": coils, "holding_registers": registers}
+    slave = {"id": UNIT, "response_timeout_ms": patient_ms(400)}
+    slave |= {"coils": coils, "holding_registers": registers}
     pace = {"baud_rate": 38400, "data_bits": 8, "stop_bits": 1, "parity": 0}
     port = {"value": 1, "active": 1, **pace, "slaves": [slave]}
     return {"iec104": {"command_timeout": 5}, "port": [port]}
@@ -148,7 +149,7 @@ def element(kind: int, body: bytes, tagged: bool) -> tuple[int, bytes]:
     return (kind + TAGGED, body + cp56(now())) if tagged else (kind, body)
 
 
-def receive(master: RawMaster, kind: int, until: int, timeout_s: float = 5.0) -> list[Asdu]:
+def receive(master: RawMaster, kind: int, until: int, timeout_s: float = 60.0) -> list[Asdu]:
     """What arrives until a command of that type is answered with a cause, that answer included."""
     seen: list[Asdu] = []
     deadline = time.monotonic() + timeout_s

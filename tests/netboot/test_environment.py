@@ -43,6 +43,10 @@ def factory() -> Environment:
 # ---- the text
 
 
+busy = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])  # the host may be
+
+
+@busy
 @given(st.dictionaries(names, values, min_size=1), st.integers(1, 2**20))
 def test_text_comes_back_as_it_was(variables: dict[str, str], room: int) -> None:
     environment = Environment(variables, room)
@@ -215,6 +219,7 @@ long = st.text(printable, min_size=230, max_size=700) | st.text(shell, min_size=
 typed_values = short | long
 
 
+@busy
 @given(typed_values)
 def test_each_line_fits(value: str) -> None:
     for command in SetVariable("bootcmd", value).commands():
