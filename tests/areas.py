@@ -143,6 +143,10 @@ REACH = [
     ("scripts/nuc980/pins/*", "test-pins test-twin test-netboot test-linux tests/test_docs_commands.py"),
     ("scripts/nuc980-pins", "test-pins"),
     ("scripts/nuc980/netboot/slots/*", f"{NETBOOT} test-image"),
+    (
+        "scripts/nuc980/netboot/limits.py",
+        f"{NETBOOT} tests/test_docs_commands.py tests/image/test_update_file.py",
+    ),
     ("scripts/nuc980/netboot/errors.py", f"{NETBOOT} tests/test_verdict.py"),
     ("scripts/nuc980/netboot/*", f"{NETBOOT} tests/test_docs_commands.py"),
     ("scripts/nuc980-netboot", "test-netboot"),

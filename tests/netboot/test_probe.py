@@ -225,7 +225,7 @@ def test_our_board(qemu: Path, uboot: Path, worn: NandImage, tmp_path: Path) -> 
     assert " ".join(part.name for part in board.nand.partitions) == "u-boot kernel device-tree spare rootfs"
     assert board.ports == (Port("emac0", None), Port("emac1", None))
     assert board.knows("tftpput") and board.knows("nand markbad")
-    assert board.ram == ((0, 64 << 20),) and 0x3000000 < board.ram_end < 0x3B53950 + 1
+    assert board.ram == ((0, 64 << 20),) and 0x3000000 < board.ram_end < 0x3B63950 + 1
     own = {"nand_erasesize", "nand_oobsize", "nand_writesize", "partition", "mtddevname", "mtddevnum"}
     assert {name: value for name, value in again.environment.items() if name not in own} == board.environment
     assert changed_blocks(worn.path, nand.path) == set()

@@ -111,7 +111,7 @@ OURS = Variant(
         "baudrate": "115200",
         "bootcmd": BOOTCMD,
         "bootdelay": "3",
-        "fdtcontroladdr": "3b57b90",
+        "fdtcontroladdr": "3b67b90",
         "loadaddr": "0xe00000",
         "mtdids": "nand0=nand0",
         "mtdparts": OURS_PARTS,
@@ -119,7 +119,7 @@ OURS = Variant(
         "stdin": "serial@b0070000",
         "stdout": "serial@b0070000",
     },
-    env_size=0x20000,
+    env_size=0x10000,
     mtdparts=OURS_PARTS,
     absent=frozenset({"timer", "sf", "sspi"}),
     nand_info=(
@@ -142,12 +142,12 @@ OURS = Variant(
         "-> size     = 0x04000000\nflashstart  = 0x00000000\nflashsize   = 0x00000000\n"
         "flashoffset = 0x00000000\nbaudrate    = 115200 bps\nrelocaddr   = 0x03f7b000\n"
         "reloc off   = 0x0317b000\nBuild       = 32-bit\n{port}\nethaddr     = {ethaddr}\n"
-        "IP addr     = {ipaddr}\nfdt_blob    = 0x03b57b90\nnew_fdt     = 0x03b57b90\n"
+        "IP addr     = {ipaddr}\nfdt_blob    = 0x03b67b90\nnew_fdt     = 0x03b67b90\n"
         "fdt_size    = 0x00003340\nlmb_dump_all:\n memory.cnt  = 0x1\n"
         " memory[0]\t[0x0-0x3ffffff], 0x04000000 bytes flags: 0\n reserved.cnt  = 0x1\n"
-        " reserved[0]\t[0x3b53950-0x3ffffff], 0x004ac6b0 bytes flags: 0\ndevicetree  = separate\n"
-        "arch_number = 0x00000000\nTLB addr    = 0x03ff0000\nirq_sp      = 0x03b57b80\n"
-        "sp start    = 0x03b57b70\nEarly malloc usage: 344 / 2000\n"
+        " reserved[0]\t[0x3b63950-0x3ffffff], 0x0049c6b0 bytes flags: 0\ndevicetree  = separate\n"
+        "arch_number = 0x00000000\nTLB addr    = 0x03ff0000\nirq_sp      = 0x03b67b80\n"
+        "sp start    = 0x03b67b70\nEarly malloc usage: 344 / 2000\n"
     ),
 )
 
