@@ -98,7 +98,7 @@ def test_it_is_read_with_its_room(variant: str) -> None:
     with prompt_of(Double(variant, environment=stored)) as console:
         environment = read_environment(console)
     assert environment.variables == stored
-    assert environment.room == {"factory": 0xFFFC, "ours": 0x1FFFC}[variant]
+    assert environment.room == 0xFFFC
 
 
 @pytest.mark.slow
