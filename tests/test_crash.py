@@ -209,7 +209,7 @@ def test_a_host_without_time_for_a_line_process_is_blamed(programs: Path) -> Non
                 r"the host gave this process no time for (\d+) ms",
             )
     silent_ms, waited_ms = map(int, late.groups())
-    assert silent_ms > 100
+    assert silent_ms >= 100  # cut off at a millisecond
     assert silent_ms / 2 <= waited_ms <= silent_ms + 1
 
 
