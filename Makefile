@@ -271,11 +271,16 @@ SYSTEM_PARTS += $(if $(FOR_SITE),$(if $(wildcard $(FOR_SITE)/update-server),buil
 image-debian: $(SYSTEM_PARTS) ## Build: the board's image from Debian's packages (SITE=folder: with its settings)
 	$(LOGGED) $(notdir $(SYSTEM)) scripts/build-system.sh $(SYSTEM) $(GATEWAY) $(LINUX_FRAGMENTS)
 
-update: $(if $(and $(SITE),$(KEY),$(CERTIFICATE)),$(if $(filter command line,$(origin IMAGE)),,image-debian) $(VENV)) ## Build: a signed update of that image, or IMAGE= (SITE= KEY= CERTIFICATE=)
+# Of image-debian, unless IMAGE= was typed: what goes onto a board.
+IMAGE_TYPED   := $(filter command,$(origin IMAGE))
+IMAGE_DEBIAN  := $(if $(IMAGE_TYPED),,image-debian)
+IMAGE_FOLDER   = $(if $(IMAGE_TYPED),build/$(IMAGE)/images,$(SYSTEM))
+
+update: $(if $(and $(SITE),$(KEY),$(CERTIFICATE)),$(IMAGE_DEBIAN) $(VENV)) ## Build: a signed update of that image, or IMAGE= (SITE= KEY= CERTIFICATE=)
 ifeq ($(and $(SITE),$(KEY),$(CERTIFICATE)),)
 	@echo "make update SITE=folder KEY=file CERTIFICATE=file: who gets it, and who signs it (docs/update.md)" >&2; exit 2
 endif
-	PYTHONPATH=scripts $(PYTHON) -m image.update $(NETBOOTED) --site '$(notdir $(SITE_SETTINGS))' \
+	PYTHONPATH=scripts $(PYTHON) -m image.update $(IMAGE_FOLDER) --site '$(notdir $(SITE_SETTINGS))' \
 	  --key '$(KEY)' --certificate '$(CERTIFICATE)' --out $(SYSTEM).swu
 
 build/busybox/done: scripts/build-busybox.sh board/nuc980/busybox.config build/busybox/debian.dsc | $(SYSROOT)
@@ -334,7 +339,7 @@ build/dtb/nuc980-gateway.dtb: $(wildcard dts/nuvoton/*) scripts/build-dtb.sh | $
 # ---- the image -----------------------------------------------------------------------------------
 
 IMAGE         ?= nuc980_gateway
-IMAGES        := $(if $(filter command,$(origin IMAGE)),$(IMAGE),nuc980_gateway nuc980_netboot)
+IMAGES        := $(if $(IMAGE_TYPED),$(IMAGE),nuc980_gateway nuc980_netboot)
 BUILDROOT_DIR ?= build/buildroot
 buildroot      = $(MAKE) -C $(BUILDROOT_DIR) O=$(CURDIR)/build/$(1) BR2_EXTERNAL=$(CURDIR)/br2-external
 BUILDROOT      = $(call buildroot,$(IMAGE))
@@ -598,7 +603,7 @@ lab: $(VENV) build/packages-twin.done ## Build: the image that `make run` boots
 centre: build centre-page $(VENV) ## See it: a control centre with 20 simulated RTUs (KEEP=1; PORT=; STATIONS=file)
 	@$(LAB).centre_show $(AT_PORT) $(if $(KEEP),--keep) $(if $(STATIONS),--stations '$(STATIONS)')
 
-ifneq ($(origin IMAGE),command line)
+ifndef IMAGE_TYPED
 run: build qemu uboot lab $(VENV) ## See it: the emulated board, from reset to the control room (KEEP=1; PORT=; IMAGE=)
 	@$(LAB).board_show $(AT_PORT) $(if $(KEEP),--keep)
 else ifndef SITE
@@ -636,11 +641,9 @@ bench: build qemu uboot build/root/gateway-tls.done build/net-snmp-agent/done $(
 
 # ---- a real board --------------------------------------------------------------------------------
 
-NETBOOTED = $(if $(filter command line,$(origin IMAGE)),build/$(IMAGE)/images,$(SYSTEM))
-
-netboot: $(if $(filter command line,$(origin IMAGE)),,image-debian) $(VENV) ## A board: boot it over its debug UART and Ethernet (PORT=, BOARD_IP=, SITE=, IMAGE=)
+netboot: $(IMAGE_DEBIAN) $(VENV) ## A board: boot it over its debug UART and Ethernet (PORT=, BOARD_IP=, SITE=, IMAGE=)
 	scripts/nuc980-netboot boot --port $(PORT) $(if $(SITE),--site $(SITE_SETTINGS)) $(if $(BOARD_IP),--board-ip $(BOARD_IP)) \
-	  --console $(NETBOOTED)/uImage $(NETBOOTED)/nuc980-gateway.dtb
+	  --console $(IMAGE_FOLDER)/uImage $(IMAGE_FOLDER)/nuc980-gateway.dtb
 
 # ---- away with it --------------------------------------------------------------------------------
 
@@ -654,6 +657,6 @@ distclean: clean ## Maintain: remove the Python environment as well
 
 # Before anything is built. Last, where all that has a default has it.
 TYPED := $(foreach name,PORT STATIONS BOARD_IP IMAGE IMAGES SITE BOARD DTS SWITCHES KEY CERTIFICATE FUZZ_SECONDS LIB60870 NVD,$(name)='$(subst ','\'',$($(name)))') \
-  IMAGE_TYPED=$(filter command,$(origin IMAGE))
+  IMAGE_TYPED=$(IMAGE_TYPED)
 REFUSED := $(shell $(TYPED) scripts/check-arguments.sh $(MAKECMDGOALS))
 $(if $(REFUSED),$(error $(REFUSED)))

@@ -48,17 +48,17 @@ def busy_processes(count: int, processors: set[int] | None = None) -> Iterator[N
             process.wait()
 
 
-def keep_details(target: str, log: Path) -> None:
+def keep_details(target: str, log: Path, since: float) -> None:
     """What a failed show has written to a file, which the next show removes, at the end of its log."""
     details = ROOT / "build" / "log" / f"{target}-failed.log"
-    if details.exists():
+    if details.exists() and details.stat().st_mtime >= since:
         with log.open("ab") as output:
             output.write(details.read_bytes())
 
 
 def run_once(tally: Tally, log: Path) -> None:
     """Makes the target; its output goes to the log."""
-    start = time.monotonic()
+    start, since = time.monotonic(), time.time()
     with log.open("wb") as output:
         command = ["make", "--no-print-directory", tally.target]
         done = subprocess.run(
@@ -68,7 +68,7 @@ def run_once(tally: Tally, log: Path) -> None:
     load = os.getloadavg()[0]
     if done.returncode:
         tally.failures.append(log)
-        keep_details(tally.target, log)
+        keep_details(tally.target, log, since)
     else:
         tally.seconds.append(seconds)
     verdict = f"FAILED, {log}" if done.returncode else "passed"

@@ -15,7 +15,7 @@ from capture import recorded
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.linesim import LineSim
 from lab.master import Master
-from lab.patience import slowness
+from lab.patience import stretch
 
 CHAPTER_5 = Path(__file__).parent / "fixtures" / "chapter5"
 RESPONSE_TIMEOUT_MS = 500  # where a slave says nothing else
@@ -42,8 +42,8 @@ def chapter_5() -> dict[str, Any]:
 
 
 def patient_ms(timeout_ms: int) -> int:
-    """As long as a response time-out has to be, where some processes want each processor."""
-    return max(timeout_ms, min(LONGEST_TIMEOUT_MS, round(timeout_ms * slowness() / 2)))
+    """A response time-out, longer on a busy host."""
+    return max(timeout_ms, min(LONGEST_TIMEOUT_MS, round(timeout_ms * stretch())))
 
 
 def values() -> dict[str, dict[str, dict[str, int]]]:

@@ -6,7 +6,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-from busy import ROOT
+import pytest
+
+from busy import ROOT, keep_details
 
 
 def busy(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -21,6 +23,20 @@ def test_passes_and_failures_are_counted_and_logs_are_kept(tmp_path: Path) -> No
     assert re.search(r"^nonsense +0 of 2 .* nonsense-1.log, nonsense-2.log$", ran.stdout, re.MULTILINE)
     assert "No rule to make target 'nonsense'" in (tmp_path / "nonsense-2.log").read_text()
     assert "make run-native" in (tmp_path / "help-1.log").read_text()
+
+
+def test_what_a_failed_show_says_is_in_its_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And not what an earlier one has said."""
+    monkeypatch.setattr("busy.ROOT", tmp_path)
+    details, log = tmp_path / "build/log/run-failed.log", tmp_path / "run-1.log"
+    keep_details("run", log, 0)
+    details.parent.mkdir(parents=True)
+    details.write_text("seen: nothing\n")
+    keep_details("run", log, details.stat().st_mtime + 1)
+    assert not log.exists()
+    log.write_text("step 1\n")
+    keep_details("run", log, details.stat().st_mtime)
+    assert log.read_text() == "step 1\nseen: nothing\n"
 
 
 def test_all_that_passed_is_0() -> None:

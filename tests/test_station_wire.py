@@ -21,6 +21,7 @@ C_SC, C_DC, C_RD, C_CS, C_TS = 45, 46, 102, 103, 107
 ACT_CON, DEACT, DEACT_CON, ACT_TERM = 7, 8, 9, 10
 NEGATIVE, TEST = 0x40, 0x80
 ON, SELECT = b"\x01", 0x80
+LATE_S = 60.0  # an answer on a busy host
 
 
 @pytest.fixture
@@ -247,7 +248,6 @@ def i_frame(sent: int, received: int, asdu: bytes) -> bytes:
 
 
 GI_ALL = bytes.fromhex("640106 00 ffff 000000 14")
-LATE_S = 60.0  # an answer on a busy host
 
 
 def test_control_functions_are_confirmed(connection: socket.socket) -> None:

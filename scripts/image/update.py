@@ -94,7 +94,7 @@ def update_file(
     A signed update for a site's boards. tree: as it was compiled. writes: the format in which that version
     keeps /data [this tree's]. root: a UBIFS image, where it is not inside the kernel. Raises UnusableInput.
     """
-    files = {"root": root} if root else {}
+    files = {} if root is None else {"root": root}
     files |= {
         "kernel": kernel,
         "tree": wrapped(tree, root_in_ubi=root is not None),

@@ -14,6 +14,11 @@ def slowness() -> float:
     return max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
 
 
+def stretch() -> float:
+    """What a time-out has to be multiplied by that is long enough where two processes share a processor."""
+    return max(1.0, slowness() / 2)
+
+
 class Deadline:
     """The end of a wait that takes at most `seconds` on an idle machine.
 

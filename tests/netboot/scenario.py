@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from lab.patience import slowness
+from lab.patience import stretch
 from netboot.double import BLOCK, Double, Operation, hush
 from netboot.double.faults import Fault
 from netboot.images import device_tree, ubi_image, uimage
@@ -271,11 +271,11 @@ SWITCHED_ON_WITHIN = 1.5
 
 
 def hurry(monkeypatch: pytest.MonkeyPatch, patience: float) -> None:
-    """Waits for nothing as long as on a bench, but longer where some processes want each processor."""
-    stretch = max(1.0, slowness() / 2)
-    monkeypatch.setattr(console.Console.reach, "__defaults__", (None, SWITCHED_ON_WITHIN * stretch))
+    """Waits for nothing as long as on a bench, but longer on a busy host."""
+    longer = stretch()
+    monkeypatch.setattr(console.Console.reach, "__defaults__", (None, SWITCHED_ON_WITHIN * longer))
     for module, values in HURRY.items():
         for name, value in values.items():
-            monkeypatch.setattr(module, name, value * stretch)
+            monkeypatch.setattr(module, name, value * longer)
     for module, name in (*COMMANDS_END, (probe, "FLASH_SECONDS")):
-        monkeypatch.setattr(module, name, patience * stretch)
+        monkeypatch.setattr(module, name, patience * longer)
