@@ -10,7 +10,7 @@ from control_room import POINTS, Site, Stations, described
 from lab.vehicles import Station
 from postgres import Server
 
-# What the page is told is the same of both; test_centre_postgres.py is quick as well.
+# What the page is told is the same of both.
 STORES = ("sqlite", pytest.param("postgresql", marks=pytest.mark.slow))
 
 

@@ -18,6 +18,7 @@ from centre.settings import Keep
 from centre.store import Database
 from postgres import Server
 
+pytestmark = pytest.mark.slow  # make test-quick brings no PostgreSQL
 NOW = time.time_ns()
 
 
