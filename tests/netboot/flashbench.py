@@ -17,6 +17,7 @@ from pathlib import Path
 
 from netboot import images
 from nuc980.netboot.console import Console
+from nuc980.netboot.errors import AutobootMissed
 from nuc980.netboot.progress import Progress
 from nuc980.netboot.session import Network, Session
 from nuc980.netboot.transport import Line
@@ -169,10 +170,13 @@ def options(board: Board, site: Path, tftp_port: int = 0) -> list[str]:
 
 @contextmanager
 def at_prompt(board: Board) -> Iterator[Session]:
-    """A session at the board's U-Boot."""
+    """A session at the board's U-Boot, for whose only look at the keys a busy host may be late."""
     with Line(board.port) as line:
         console = Console(line)
-        console.reach()
+        try:
+            console.reach()
+        except AutobootMissed:
+            console.reach(lambda: board.machine.command("system_reset"))
         with Path(os.devnull).open("w") as nowhere:
             yield Session(console, Progress(nowhere))
 
