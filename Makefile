@@ -538,9 +538,9 @@ test-debug-kernel: linux-debug image-debian qemu uboot build $(TESTED) ## Test: 
 
 # For the site of `make run`: its key opens the board.
 test-offline: build qemu uboot $(TESTED) ## Test: the image of image-offline on the emulated board, an hour with its build
-	@$(LAB).site build/site
-	$(MAKE) image-offline BUILDROOT_DIR='$(BUILDROOT_DIR)' SITE=build/site/lab
-	$(PYTHON) -m pytest -m soak tests/linux/test_image_offline.py
+	@$(LAB).site build/site --updates
+	$(MAKE) image-offline BUILDROOT_DIR='$(BUILDROOT_DIR)' SITE=build/site/field
+	$(PYTHON) -m pytest -m soak -k offline tests/linux/test_image_offline.py tests/linux/test_update_root.py
 
 test-sanitizers: build .asan $(TESTED) ## Test: the gateway's tests, its modules under AddressSanitizer and UBSan
 	OPENRTU_BUILD=build/asan $(PYTEST) $(UNDER_SANITIZERS)

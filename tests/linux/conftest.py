@@ -81,10 +81,16 @@ def folder() -> Iterator[Path]:
 
 
 @pytest.fixture(scope="module")
-def ssh(folder: Path) -> Iterator[Ssh]:
+def key(folder: Path) -> Path:
+    """Of who may log in to the module's board; its public half has the suffix .pub."""
+    file = folder / "key"
+    subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", file], check=True)
+    return file
+
+
+@pytest.fixture(scope="module")
+def ssh(key: Path, folder: Path) -> Iterator[Ssh]:
     """The way in of a board that has its key; faster than the debug UART."""
-    key = folder / "key"
-    subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", key], check=True)
     with Ssh(free_port(), key, folder) as ssh:
         yield ssh
 

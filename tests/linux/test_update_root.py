@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Updates of a board whose root is in UBI: from `nuc980-netboot install --ubi` to the new version.
 
-The kernel is that of `make image-debian`. It has a root inside, which U-Boot's arguments hide from it: so it
-has arguments of its own that must not hold, as a kernel of Buildroot has.
+The image is Buildroot's, of `make test-offline`, or Debian's root with the kernel of `make image-debian`.
+That kernel has a root inside, which U-Boot's arguments hide from it: so it has arguments of its own that must
+not hold, as a kernel of Buildroot has.
 """
 
+import os
 import shutil
 import subprocess
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -25,11 +28,13 @@ from update_board import (
 from desk import chapter_5
 from image.update import Signer, update_file
 from lab.board import ETHERNET, MACS, SSH_PORT, Ssh
+from lab.gateway import free_port
 from nuc980.twin.machine import INSTRUCTION_TIME, Machine
 from nuc980.twin.nand import NandImage
 
 TREE = Path(__file__).resolve().parents[2]
 SYSTEM = TREE / "build/system"
+OFFLINE = Path(os.environ.get("OPENRTU_IMAGE", TREE / "build/nuc980_gateway_lts-offline"))
 # U-Boot's own for kernels: here no root inside. Ten seconds between two attempts are too many. QEMU's network
 # goes on with the MAC address that it knows, so each start needs the same.
 SETTINGS = (
@@ -41,33 +46,62 @@ START_SECONDS = 900.0  # on a busy machine
 UPDATING = "until grep -q 1 /sys/class/ubi/ubi0_2/upd_marker; do sleep 0.01; done"
 
 
-@pytest.fixture(scope="module")
-def signer(folder: Path) -> Signer:
-    return make_signer(folder, "present")
+@dataclass(frozen=True)
+class Image:
+    """What boards get, and who may log in to them and sign their updates."""
+
+    uimage: Path
+    tree: Path
+    ubifs: Path
+    ubi: Path
+    site: str
+    key: Path
+    signer: Signer
+
+    def kernel_and_tree(self) -> tuple[bytes, bytes]:
+        return self.uimage.read_bytes(), self.tree.read_bytes()
 
 
-@pytest.fixture(scope="module")
-def images(folder: Path, signer: Signer, ssh: Ssh) -> tuple[Path, Path]:
-    """UBIFS and UBI, with what a site adds."""
+def debian(folder: Path, key: Path) -> Image:
+    """UBIFS and UBI of Debian's root, with what a site adds."""
+    signer = make_signer(folder, "present")
     root = folder / "root"
     root.mkdir()
     with (TREE / "build/system.parts/initramfs.cpio").open("rb") as archive:
         subprocess.run(["cpio", "-idf", "--quiet", "dev/*"], stdin=archive, cwd=root, check=True)
-    files = files_of(SITE, signer.certificate.read_text(), chapter_5(), ssh.key, folder)
-    for name, file in files.items():
+    for name, file in files_of(SITE, signer.certificate.read_text(), chapter_5(), key, folder).items():
         (root / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(file, root / name)
-    return ubi_image(root, folder)
+    ubifs, ubi = ubi_image(root, folder)
+    return Image(SYSTEM / "uImage", SYSTEM / "nuc980-gateway.dtb", ubifs, ubi, SITE, key, signer)
 
 
-def kernel_and_tree() -> tuple[bytes, bytes]:
-    return (SYSTEM / "uImage").read_bytes(), (SYSTEM / "nuc980-gateway.dtb").read_bytes()
+def offline() -> Image:
+    """As Buildroot has made it for the site that takes updates."""
+    images, site = OFFLINE / "images", TREE / "build/site"
+    if not (images / "rootfs.ubi").exists():
+        pytest.skip(f"{images}/rootfs.ubi is not there: make test-offline")
+    return Image(
+        images / "uImage", images / "nuc980-gateway.dtb", images / "rootfs.ubifs", images / "rootfs.ubi",
+        "field", site / "key", Signer(site / "update.key", site / "field/update.pem"),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module", params=["debian", pytest.param("offline", marks=pytest.mark.soak)])
+def image(request: pytest.FixtureRequest, folder: Path, key: Path) -> Image:
+    return offline() if request.param == "offline" else debian(folder, key)
 
 
 @pytest.fixture(scope="module")
-def nand(folder: Path, qemu: Path, uboot: Path, images: tuple[Path, Path]) -> NandImage:
-    more = {"settings": SETTINGS, "quicker": QUICKER, "ubi": images[1]}
-    return flash_after_install(folder, qemu, uboot, *kernel_and_tree(), **more)
+def ssh(image: Image, folder: Path) -> Iterator[Ssh]:
+    with Ssh(free_port(), image.key, folder) as ssh:
+        yield ssh
+
+
+@pytest.fixture(scope="module")
+def nand(folder: Path, qemu: Path, uboot: Path, image: Image) -> NandImage:
+    more = {"settings": SETTINGS, "quicker": QUICKER, "ubi": image.ubi}
+    return flash_after_install(folder, qemu, uboot, *image.kernel_and_tree(), **more)
 
 
 class Powered:
@@ -120,8 +154,9 @@ def board(qemu: Path, uboot: Path, nand: NandImage, ssh: Ssh) -> Iterator[Powere
 
 
 @pytest.fixture(scope="module")
-def update(images: tuple[Path, Path], signer: Signer) -> bytes:
-    return update_file(*kernel_and_tree(), VERSION, SITE, signer, root=images[0].read_bytes())
+def update(image: Image) -> bytes:
+    root = image.ubifs.read_bytes()
+    return update_file(*image.kernel_and_tree(), VERSION, image.site, image.signer, root=root)
 
 
 def test_board_after_install(board: Powered) -> None:

@@ -14,6 +14,7 @@ from desk import CHAPTER_5
 from image import update
 from lab.board import SILENCE_US, Ssh, configuration
 from lab.linesim import LineSim
+from lab.site import make_certificate
 from netboot.flashbench import at_prompt, options, switched_on
 from netboot.ports import free_port
 from netboot.test_slots_twin import QUICKER
@@ -122,12 +123,7 @@ def devices(folder: Path, linesim_program: Path) -> Iterator[LineSim]:
 def make_signer(folder: Path, name: str) -> update.Signer:
     """A key for this test alone, and its certificate."""
     signer = update.Signer(folder / f"{name}.key", folder / f"{name}.pem")
-    subprocess.run(
-        ["openssl", "req", "-x509", "-newkey", "rsa:3072", "-nodes", "-days", "3650", "-subj", f"/CN={name}",
-         "-addext", "extendedKeyUsage=codeSigning", "-addext", "keyUsage=digitalSignature",
-         "-keyout", signer.key, "-out", signer.certificate],
-        check=True, capture_output=True,
-    )  # fmt: skip
+    make_certificate(signer.key, signer.certificate, name)
     return signer
 
 
