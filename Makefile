@@ -166,7 +166,7 @@ deb: build/packages-deb.done ## Build: the gateway as a Debian package, in build
 
 # ---- device tree ---------------------------------------------------------------------------------
 
-# Another board of board/nuc980/boards: BOARD=numaker. Its image: docs/your-board.md.
+# Another board of board/nuc980/boards: BOARD=numaker (docs/your-board.md).
 BOARD := gateway
 DTS := dts/nuvoton/nuc980-$(BOARD).dts
 # of the board file, as SWITCHES="GATEWAY_PDMA=1 GATEWAY_RTC=1"; a build with switches has a folder of its own
@@ -256,20 +256,20 @@ build/%/debian.dsc: scripts/debian-source.sh | build/packages-twin.done
 
 # ---- the image from Debian's packages ------------------------------------------------------------
 
-# A build for a site has a folder of its own.
-SYSTEM = build/system$(if $(SITE),-$(subst $(EMPTY) $(EMPTY),_,$(shell basename '$(SITE_SETTINGS)')))
+# A build for another board or a site has a folder of its own.
+SYSTEM = build/$(if $(filter-out gateway,$(BOARD)),boards/$(BOARD)/)system$(if $(SITE),-$(subst $(EMPTY) $(EMPTY),_,$(shell basename '$(SITE_SETTINGS)')))
 # With OpenSSL only where the site's configuration asks for TLS.
 FOR_SITE := $(or $(SITE),$(SITE_SETTINGS))
 GATEWAY := $(or $(if $(FOR_SITE),$(shell PYTHONPATH=scripts python3 -m image.rootfs gateway '$(FOR_SITE)' 2> /dev/null)),gateway)
 SYSTEM_PARTS := build/linux/done build/busybox/done build/chrony/done build/root/packages.done build/root/$(GATEWAY).done \
-  build/dtb/nuc980-gateway.dtb
+  build/dtb/nuc980-$(BOARD).dtb
 
 # A site with certificates takes updates.
 SYSTEM_PARTS += $(if $(FOR_SITE),$(if $(wildcard $(FOR_SITE)/update.pem),build/swupdate/done))
 SYSTEM_PARTS += $(if $(FOR_SITE),$(if $(wildcard $(FOR_SITE)/update-server),build/curl/done))
 
-image-debian: $(SYSTEM_PARTS) ## Build: the board's image from Debian's packages (SITE=folder: with its settings)
-	$(LOGGED) $(notdir $(SYSTEM)) scripts/build-system.sh $(SYSTEM) $(GATEWAY) $(LINUX_FRAGMENTS)
+image-debian: $(SYSTEM_PARTS) ## Build: a board's image from Debian's packages (SITE=folder: its settings; BOARD=)
+	$(LOGGED) $(notdir $(SYSTEM)) scripts/build-system.sh $(SYSTEM) $(BOARD) $(GATEWAY) $(LINUX_FRAGMENTS)
 
 # Of image-debian, unless IMAGE= was typed: what goes onto a board.
 IMAGE_TYPED   := $(filter command,$(origin IMAGE))
@@ -280,7 +280,7 @@ update: $(if $(and $(SITE),$(KEY),$(CERTIFICATE)),$(IMAGE_DEBIAN) $(VENV)) ## Bu
 ifeq ($(and $(SITE),$(KEY),$(CERTIFICATE)),)
 	@echo "make update SITE=folder KEY=file CERTIFICATE=file: who gets it, and who signs it (docs/update.md)" >&2; exit 2
 endif
-	PYTHONPATH=scripts $(PYTHON) -m image.update $(IMAGE_FOLDER) --site '$(notdir $(SITE_SETTINGS))' \
+	PYTHONPATH=scripts $(PYTHON) -m image.update $(IMAGE_FOLDER) --board nuc980-$(BOARD) --site '$(notdir $(SITE_SETTINGS))' \
 	  --key '$(KEY)' --certificate '$(CERTIFICATE)' --out $(SYSTEM).swu
 
 build/busybox/done: scripts/build-busybox.sh board/nuc980/busybox.config build/busybox/debian.dsc | $(SYSROOT)
@@ -333,8 +333,8 @@ build/arm-release/build.ninja build/arm-release-tls/build.ninja: build/sysroot.i
 	  $(foreach option,tls snmp web,-D$(option)=$(if $(findstring -tls,$@),true,false)) \
 	  --cross-file $< --cross-file scripts/armel.ini
 
-build/dtb/nuc980-gateway.dtb: $(wildcard dts/nuvoton/*) scripts/build-dtb.sh | $(PACKAGES)
-	@scripts/build-dtb.sh $(DTS) $@
+build/dtb/nuc980-%.dtb: $(wildcard dts/nuvoton/*) scripts/build-dtb.sh | $(PACKAGES)
+	@scripts/build-dtb.sh dts/nuvoton/nuc980-$*.dts $@
 
 # ---- the image -----------------------------------------------------------------------------------
 
@@ -641,9 +641,9 @@ bench: build qemu uboot build/root/gateway-tls.done build/net-snmp-agent/done $(
 
 # ---- a real board --------------------------------------------------------------------------------
 
-netboot: $(IMAGE_DEBIAN) $(VENV) ## A board: boot it over its debug UART and Ethernet (PORT=, BOARD_IP=, SITE=, IMAGE=)
+netboot: $(IMAGE_DEBIAN) $(VENV) ## A board: boot it over UART and Ethernet (PORT=, BOARD_IP=, SITE=, IMAGE=, BOARD=)
 	scripts/nuc980-netboot boot --port $(PORT) $(if $(SITE),--site $(SITE_SETTINGS)) $(if $(BOARD_IP),--board-ip $(BOARD_IP)) \
-	  --console $(IMAGE_FOLDER)/uImage $(IMAGE_FOLDER)/nuc980-gateway.dtb
+	  --console $(IMAGE_FOLDER)/uImage $(IMAGE_FOLDER)/nuc980-$(BOARD).dtb
 
 # ---- away with it --------------------------------------------------------------------------------
 

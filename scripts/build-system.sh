@@ -1,18 +1,22 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-3.0-or-later
-# build-system.sh FOLDER GATEWAY [FRAGMENT...]: the image for the board from Debian's packages, of what `make image-debian` made in
+# build-system.sh FOLDER BOARD GATEWAY [FRAGMENT...]: the image for a board from Debian's packages, of what `make image-debian` made in
 # build. GATEWAY is what it has of build/root: gateway, or gateway-tls with OpenSSL, Net-SNMP and libmicrohttpd. It is the kernel of build/linux, which has these fragments, once more with the root file system inside.
 #
-# FOLDER gets uImage, nuc980-gateway.dtb and manifest.json; FOLDER.parts the root file system and the licences of what is
+# FOLDER gets uImage, nuc980-BOARD.dtb and manifest.json; FOLDER.parts the root file system and the licences of what is
 # in it. SITE_SETTINGS in the environment names a folder with the settings of a site; with "update.pem" there the image
 # takes updates, with "update-server" it fetches them.
 set -euo pipefail
 
 folder=$(realpath -m "$1")
-gateway=$2
-shift 2
+export NUC980_BOARD=$2
+gateway=$3
+shift 3
 tree=$(realpath -e "$(dirname "$0")/..")
 board=$tree/board/nuc980
+device_tree=nuc980-$NUC980_BOARD.dtb
+limits=$board/boards/$NUC980_BOARD/image-limits.toml
+[ "$NUC980_BOARD" != gateway ] || limits=$board/image-limits.toml
 build=$tree/build
 parts=$folder.parts
 kernel=$build/linux-system
@@ -30,10 +34,10 @@ image_tool() {
 }
 
 inputs() {
-	echo "$folder $gateway ${SITE_SETTINGS:-}"
+	echo "$folder $NUC980_BOARD $gateway ${SITE_SETTINGS:-}"
 	{
 		find "$board"/{skeleton,rootfs-overlay} "$build/root/$gateway" -type f -print0
-		printf '%s\0' "$build"/{root/packages.versions,busybox/busybox,chrony/inputs,linux/inputs,dtb/nuc980-gateway.dtb} \
+		printf '%s\0' "$build"/{root/packages.versions,busybox/busybox,chrony/inputs,linux/inputs,"dtb/$device_tree"} \
 			${update:+"$build/swupdate/inputs"} ${pull:+"$build/curl/inputs"}
 		printf '%s\0' "$board"/{system.toml,post-build.sh,place-macs.sh,system.fragment}
 		printf '%s\0' "$tree"/package/openrtu/{S80rtud,openrtu.mk}
@@ -72,8 +76,8 @@ make_images() {
 	epoch=$(dpkg-parsechangelog --file "$build/linux/debian/debian/changelog" --show-field Timestamp)
 	SOURCE_DATE_EPOCH=$epoch mkimage -A arm -O linux -T kernel -C none -a 0x8000 -e 0x8000 \
 		-n "Linux-$(<"$kernel/build/include/config/kernel.release")" -d "$kernel/zImage" "$folder/uImage" >"$parts/mkimage.log"
-	cp "$build/dtb/nuc980-gateway.dtb" "$folder/nuc980-gateway.dtb"
-	"$board/place-macs.sh" "$folder/nuc980-gateway.dtb"
+	cp "$build/dtb/$device_tree" "$folder/$device_tree"
+	"$board/place-macs.sh" "$folder/$device_tree"
 }
 
 # Name and version of those that the image has files of.
@@ -122,4 +126,4 @@ if ! [[ -e $folder.inputs && $(inputs) == "$(<"$folder.inputs")" ]]; then
 	inputs >"$folder.inputs"
 fi
 image_tool manifest --images "$folder" --versions "$parts/versions" \
-	--limits "$board/image-limits.toml" --out "$folder/manifest.json"
+	--limits "$limits" --out "$folder/manifest.json"

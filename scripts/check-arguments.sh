@@ -35,11 +35,11 @@ check_board_ip() {
 		refuse "BOARD_IP=$BOARD_IP is not an address with its prefix, such as BOARD_IP=192.168.1.20/24"
 }
 
-# check_image FOLDER: what `make image-buildroot` or `make image-debian` made.
+# check_image FOLDER: what `make image-buildroot` or `make image-debian` made, for the board.
 check_image() {
 	local name folder=$1
 	[[ ! -d $folder/images ]] || folder+=/images
-	for name in uImage nuc980-gateway.dtb; do
+	for name in uImage "nuc980-${BOARD:-gateway}.dtb"; do
 		[[ -f $folder/$name ]] || refuse "there is no image in $folder: it lacks $name;" \
 			"make image-buildroot makes build/nuc980_gateway and build/nuc980_netboot, make image-debian build/system"
 	done
@@ -76,7 +76,8 @@ check_signer() {
 
 # What is made for the gateway board alone.
 check_gateway() {
-	[[ ${BOARD:-gateway} == gateway ]] || refuse "make $1 knows the gateway board only; BOARD= goes with make dtb"
+	[[ ${BOARD:-gateway} == gateway ]] ||
+		refuse "make $1 knows the gateway board only; BOARD= goes with make dtb, image-debian, update and netboot"
 }
 
 check_device_tree() {
@@ -89,7 +90,8 @@ check_device_tree() {
 [[ -z ${SITE:-} ]] || check_site
 for goal; do
 	case $goal in
-	run | lab | netboot | uboot | image | system | image-* | update) check_gateway "$goal" ;;&
+	dtb | image-debian | system | update | netboot) check_board ;;&
+	run | lab | uboot | image | image-buildroot | image-offline) check_gateway "$goal" ;;&
 	run | run-native | centre) check_tcp_port ;;&
 	centre) [[ -z ${STATIONS:-} || -f $STATIONS ]] || refuse "STATIONS=$STATIONS is not a file; docs/centre.md says what belongs in it" ;;
 	run) [[ -z ${IMAGE_TYPED:-} ]] || check_image "${IMAGE:-.}" ;;
@@ -105,10 +107,7 @@ for goal; do
 		check_configuration "$IMAGE" "IMAGE=$IMAGE"
 		[[ -z ${NVD:-} || -d $NVD ]] || refuse "NVD=$NVD is not a folder; docs/security.md says what belongs in it"
 		;;
-	dtb)
-		check_board
-		check_device_tree
-		;;
+	dtb) check_device_tree ;;
 	fuzz) [[ $FUZZ_SECONDS =~ ^[1-9][0-9]{0,5}$ ]] || refuse "FUZZ_SECONDS=$FUZZ_SECONDS is not a number of seconds" ;;
 	bench) [[ -z ${LIB60870:-} || -d $LIB60870 ]] || refuse "LIB60870=$LIB60870 is not a folder; name the one with lib60870's source" ;;
 	esac

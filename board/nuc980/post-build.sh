@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-3.0-or-later
 # post-build.sh [TARGET]: what Buildroot runs before it makes the file-system images. The settings of a site, from the
-# folder SITE_SETTINGS; configs/README.md names the files. Without TARGET it only checks them.
+# folder SITE_SETTINGS; configs/README.md names the files. Without TARGET it only checks them. NUC980_BOARD names the board, if it
+# is not the gateway.
 set -euo pipefail
 shopt -s nullglob
 
@@ -76,7 +77,7 @@ check_update_server() {
 name_site() {
 	[ -f "$site/update.pem" ] || return 0
 	install -D -m 644 "$site/update.pem" "$target/etc/openrtu/update.pem"
-	echo "nuc980-gateway ${site##*/}" >"$target/etc/hwrevision"
+	echo "nuc980-${NUC980_BOARD:-gateway} ${site##*/}" >"$target/etc/hwrevision"
 }
 
 check_site() {

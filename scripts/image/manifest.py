@@ -51,7 +51,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Limits:
-    """board/nuc980/image-limits.toml, in bytes."""
+    """A board's image-limits.toml, in bytes."""
 
     uimage: int
     entry: int
@@ -59,7 +59,7 @@ class Limits:
     block: int
     page: int
     kernel_part: Part
-    device_tree_part: Part
+    device_tree_part: Part | None  # None: the board's flash has no part of its own for it
     root_part: Part
     root_label: str
 
@@ -85,7 +85,7 @@ def read_limits(file: Path) -> Limits:
             block=flash["block"],
             page=flash["page"],
             kernel_part=part("kernel"),
-            device_tree_part=part("device_tree"),
+            device_tree_part=part("device_tree") if "device_tree" in flash else None,
             root_part=part("root"),
             root_label=flash["root"]["label"],
         )
@@ -190,7 +190,8 @@ def judge_device_tree(data: bytes, limits: Limits, in_flash: bool) -> str:
     tree = {(node, name): value for node, name, value in properties(data)}
     if SOC not in tree.get(("/", "compatible"), b"").split(b"\0"):
         raise Refused(f"it is for another board: its root is not compatible with {SOC.decode()}")
-    _refuse_above(len(data), limits.device_tree_part.room, "its part of the flash less the reserve")
+    if limits.device_tree_part:
+        _refuse_above(len(data), limits.device_tree_part.room, "its part of the flash less the reserve")
     if in_flash:
         _judge_partition(tree, limits)
     return tree.get(("/", "model"), b"").rstrip(b"\0").decode("ascii", "replace")

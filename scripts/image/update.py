@@ -159,12 +159,13 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "images",
         type=Path,
-        help="the folder with uImage, nuc980-gateway.dtb and, if it is not inside, rootfs.ubifs",
+        help="the folder with uImage, BOARD.dtb and, if it is not inside, rootfs.ubifs",
     )
     parser.add_argument("--key", type=Path, required=True, help="the private key that signs (PEM)")
     parser.add_argument(
         "--certificate", type=Path, required=True, help="its certificate, which the boards have"
     )
+    parser.add_argument("--board", default=BOARD, help=f"whose image it is [{BOARD}]")
     parser.add_argument("--site", required=True, help="the site's name: that of its folder")
     parser.add_argument(
         "--version", help="of the image; boards refuse an older one than they run [OpenRTU's]"
@@ -175,10 +176,11 @@ def main(words: Sequence[str] | None = None) -> int:
     try:
         content = update_file(
             (given.images / "uImage").read_bytes(),
-            (given.images / "nuc980-gateway.dtb").read_bytes(),
+            (given.images / f"{given.board}.dtb").read_bytes(),
             given.version or VERSION.read_text(encoding="utf-8").strip(),
             given.site,
             Signer(given.key, given.certificate),
+            given.board,
             root=root.read_bytes() if root.exists() else None,
         )
         given.out.write_bytes(content)

@@ -220,6 +220,15 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return (output.images / "nuc980-gateway.dtb").read_bytes()
 
 
+def test_limits_of_the_other_boards_judge_an_image(output: Output) -> None:
+    """Their root is inside the kernel, and their flash may have no part for a device tree alone."""
+    tree = (output.images / "nuc980-gateway.dtb").read_bytes()
+    for file in sorted((ROOT / "board/nuc980/boards").glob("*/image-limits.toml")):
+        limits = read_limits(file)
+        assert manifest.judge_device_tree(tree, limits, in_flash=False) == "A gateway"
+        assert limits.memory_room > 0
+
+
 ROOM_IN_FLASH = 0x500000 - 4 * 0x20000
 ROOM_IN_MEMORY = 0xA00000 - 0x7FC0
 

@@ -136,11 +136,13 @@ def test_unknown_file_is_an_error(target: Path) -> None:
 CERTIFICATE = "-----BEGIN CERTIFICATE-----\nMIIB\n-----END CERTIFICATE-----\n"
 
 
-def build_site(target: Path, name: str, certificates: str) -> subprocess.CompletedProcess[str]:
+def build_site(
+    target: Path, name: str, certificates: str, board: str = ""
+) -> subprocess.CompletedProcess[str]:
     site = target.parent / name
     site.mkdir()
     (site / "update.pem").write_text(certificates)
-    environment = {**os.environ, "SITE_SETTINGS": str(site)}
+    environment = {**os.environ, "SITE_SETTINGS": str(site), "NUC980_BOARD": board}
     return subprocess.run([SCRIPT, target], env=environment, capture_output=True, text=True, check=False)
 
 
@@ -153,6 +155,11 @@ def test_site_with_certificates_has_a_name(target: Path) -> None:
     environment = {**os.environ, "SITE_SETTINGS": ""}
     subprocess.run([SCRIPT, target], env=environment, check=True)
     assert not (target / "etc/hwrevision").exists()
+
+
+def test_other_board_has_a_name(target: Path) -> None:
+    assert build_site(target, "station-7", CERTIFICATE, "numaker").returncode == 0
+    assert (target / "etc/hwrevision").read_text() == "nuc980-numaker station-7\n"
 
 
 @pytest.mark.parametrize(

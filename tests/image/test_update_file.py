@@ -137,9 +137,10 @@ def test_command(tmp_path: Path, signer: Signer, capsys: pytest.CaptureFixture[s
     assert main(words) == 2
     assert capsys.readouterr().err == f"update: {tmp_path}/nuc980-gateway.dtb: No such file or directory\n"
     assert not (tmp_path / "update.swu").exists()
-    (tmp_path / "nuc980-gateway.dtb").write_bytes(TREE)
-    assert main(words) == 0
-    assert (tmp_path / "update.swu").stat().st_size > len(KERNEL)
+    for board in ("nuc980-gateway", "nuc980-numaker"):
+        (tmp_path / f"{board}.dtb").write_bytes(TREE)
+        assert main([*words, "--board", board]) == 0
+        assert f"    {board} = {{\n".encode() in (tmp_path / "update.swu").read_bytes()
 
 
 def test_data_format_is_that_of_the_journal() -> None:

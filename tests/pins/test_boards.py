@@ -73,10 +73,19 @@ def test_a_table_of_ones_own_comes_before_the_board(capsys: pytest.CaptureFixtur
     ("words", "reason"),
     [
         (("dtb", "BOARD=nope"), "BOARD=nope: there is no such board; boards are gateway numaker"),
-        (("image-debian", "BOARD=numaker"), "make image-debian knows the gateway board only"),
+        (("image-debian", "BOARD=nope"), "BOARD=nope: there is no such board; boards are gateway numaker"),
+        (("image-buildroot", "BOARD=numaker"), "make image-buildroot knows the gateway board only"),
     ],
 )
 def test_make_refuses_before_it_builds(words: tuple[str, ...], reason: str) -> None:
     done = subprocess.run(["make", "-n", *words], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert reason in done.stderr
+
+
+def test_image_of_another_board_has_its_tree_and_a_folder_of_its_own() -> None:
+    words = ["netboot", "BOARD=numaker", "PORT=/dev/null"]
+    done = subprocess.run(["make", "-n", *words], cwd=ROOT, capture_output=True, text=True, check=True)
+    folder = "build/boards/numaker/system"
+    assert f"scripts/build-system.sh {folder} numaker gateway" in done.stdout
+    assert done.stdout.endswith(f"--console {folder}/uImage {folder}/nuc980-numaker.dtb\n")
