@@ -35,4 +35,5 @@ def log_in(page: Page, port: int, name: str, password: str, view: str = "map") -
     page.keyboard.press("Tab")
     page.keyboard.type(password)
     page.keyboard.press("Enter")
-    page.wait_for_selector("nav")
+    page.wait_for_selector("nav, .error:not(:empty)")
+    assert page.locator("nav").count(), page.locator(".error").inner_text()
