@@ -581,18 +581,25 @@ def test_nothing_overtakes_a_late_answer_of_its_device(sim: LineSim, master: Mas
     assert master.exchange(framed(67, 1, 0, 0, 0, 1), 13) == ANSWER + framed(67, 1, 1, 1)
 
 
-def test_late_answer_into_a_request_spoils_both(sim: LineSim) -> None:
-    line = Master(sim.line("ttyS6"), 4800, 1)
-    sim.fault("5.50", "late", 200, count=1)
-    line.port.write(framed(50, 2, 0, 0, 0, 1))
-    sim.wait_frame(lambda frame: frame.kind == "reading")
-    line.port.write(framed(50, 16, 0, 0, 0, 100, 200, *[0] * 200))  # lasts 435 ms, the answer begins into it
-    answer = line.port.read(6)
-    assert len(answer) == 6
-    assert answer != framed(50, 2, 1, 0)
-    sim.wait_frame(lambda frame: frame.kind == "collision" and len(frame.bytes) == 209)
-    stats = sim.stats()["5"]
-    assert (stats["collisions"], stats["writes"]) == (1, 0)
+def test_late_answer_into_a_request_spoils_both(linesim_program: Path, tmp_path: Path) -> None:
+    """At 1200 bit/s a busy host has a second for the next request, which then lasts 1.7 s."""
+    config = json.loads(CONFIG.read_text())
+    next(port for port in config["port"] if port["value"] == 5)["baud_rate"] = 1200
+    slow = tmp_path / "gateway.json"
+    slow.write_text(json.dumps(config))
+    with LineSim(slow, VALUES, tmp_path / "lines", program=linesim_program) as sim:
+        line = Master(sim.line("ttyS6"), 1200, 1)
+        line.port.timeout = 30
+        sim.fault("5.50", "late", 1000, count=1)
+        line.port.write(framed(50, 2, 0, 0, 0, 1))
+        sim.wait_frame(lambda frame: frame.kind == "reading")
+        line.port.write(framed(50, 16, 0, 0, 0, 100, 200, *[0] * 200))
+        answer = line.port.read(6)
+        assert len(answer) == 6
+        assert answer != framed(50, 2, 1, 0)
+        sim.wait_frame(lambda frame: frame.kind == "collision" and len(frame.bytes) == 209)
+        stats = sim.stats()["5"]
+        assert (stats["collisions"], stats["writes"]) == (1, 0)
 
 
 def test_more_late_answers_than_there_is_room_for_are_dropped(sim: LineSim, master: Master) -> None:
