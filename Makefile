@@ -355,8 +355,9 @@ endif
 ifdef SITE
 export SITE_SETTINGS := $(shell realpath -e '$(SITE)/.' 2> /dev/null)
 endif
+export NUC980_BOARD := $(BOARD)
 
-image-buildroot: $(IMAGES:%=build/%/images/manifest.json) ## Build: the board's images with Buildroot (SITE=folder, IMAGE=)
+image-buildroot: $(IMAGES:%=build/%/images/manifest.json) ## Build: a board's images with Buildroot (SITE=folder, IMAGE=, BOARD=)
 
 # The same from Debian's sources and compiler, without what Buildroot downloads: configs/offline.toml.
 OFFLINE        = PYTHONPATH=scripts python3 -m image.offline

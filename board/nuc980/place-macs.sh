@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-3.0-or-later
 # place-macs.sh [DTB]: the MAC addresses of a site (SITE_SETTINGS/macs) into a device tree. Without a site it gets none, and
-# loses those of another one. Without DTB it only checks the site's.
+# loses those of another one. Without DTB it only checks the site's. The chip has two ports; a board may have one of them.
 set -euo pipefail
 shopt -s inherit_errexit
 
@@ -23,19 +23,23 @@ mac_of() {
 	echo "$mac"
 }
 
-# node_of NUMBER: the port's node, by its alias.
+# node_of NUMBER: the port's node, by its alias; fails for a port that the board does not have.
 node_of() {
-	"${tools}fdtget" -t s "$tree" /aliases "ethernet$1"
+	"${tools}fdtget" -t s "$tree" /aliases "ethernet$1" 2>/dev/null
 }
 
 # Our drivers, and U-Boot, know the property.
 set_property() {
+	local node
+	node=$(node_of "$1") || return 0
 	# shellcheck disable=SC2086 # six words
-	"${tools}fdtput" -t bx "$tree" "$(node_of "$1")" local-mac-address ${2//:/ }
+	"${tools}fdtput" -t bx "$tree" "$node" local-mac-address ${2//:/ }
 }
 
 clear_property() {
-	"${tools}fdtput" -d "$tree" "$(node_of "$1")" local-mac-address 2>/dev/null || true
+	local node
+	node=$(node_of "$1") || return 0
+	"${tools}fdtput" -d "$tree" "$node" local-mac-address 2>/dev/null || true
 }
 
 # The vendor's drivers take the kernel's arguments only; without, all boards have the same pair.

@@ -342,7 +342,6 @@ WRONG = [
     ("update KEY=Makefile CERTIFICATE=nope", "CERTIFICATE=nope is not a file"),
     ("update SITE=sites/plain", "SITE=sites/plain has no update.pem: its boards take no updates"),
     ("update BOARD=nope", "BOARD=nope: there is no such board"),
-    ("run BOARD=numaker", "make run knows the gateway board only"),
     ("image IMAGE=nope", "IMAGES=nope: there is no configs/nope_defconfig"),
     ("menuconfig IMAGE=nope", "IMAGE=nope: there is no configs/nope_defconfig"),
     ("cves IMAGE=nope", "IMAGE=nope: there is no configs/nope_defconfig"),

@@ -45,10 +45,10 @@ def arguments(tree: Path) -> str | None:
     return fdt.getprop(chosen, "bootargs").as_str() if fdt.hasprop(chosen, "bootargs") else None
 
 
-def addresses(tree: Path) -> list[bytes | None]:
+def addresses(tree: Path, ports: int = 2) -> list[bytes | None]:
     """What the ports' nodes have."""
     fdt = libfdt.Fdt(tree.read_bytes())
-    nodes = [fdt.path_offset(fdt.get_alias(f"ethernet{n}")) for n in (0, 1)]
+    nodes = [fdt.path_offset(fdt.get_alias(f"ethernet{n}")) for n in range(ports)]
     name = "local-mac-address"
     return [bytes(fdt.getprop(node, name)) if fdt.hasprop(node, name) else None for node in nodes]
 
@@ -69,6 +69,17 @@ def test_another_site_and_none(tree: Path) -> None:
     (tree.parent / "a site/macs").unlink()
     assert place(tree, None).returncode == 0
     assert (arguments(tree), addresses(tree)) == ("quiet mem=64M", [None, None])
+
+
+def test_board_with_one_port(tmp_path: Path) -> None:
+    tree = tmp_path / "board.dtb"
+    source = ROOT / "dts/nuvoton/nuc980-numaker.dts"
+    subprocess.run([ROOT / "scripts/build-dtb.sh", source, tree], check=True, capture_output=True)
+    assert (place(tree, FILE).returncode, place(tree, FILE).stderr) == (0, "")
+    assert addresses(tree, 1) == [bytes.fromhex(MACS[0].replace(":", ""))]
+    (tree.parent / "a site/macs").unlink()
+    assert (place(tree, None).returncode, place(tree, None).stderr) == (0, "")
+    assert addresses(tree, 1) == [None]
 
 
 @pytest.mark.parametrize(

@@ -74,7 +74,7 @@ def test_a_table_of_ones_own_comes_before_the_board(capsys: pytest.CaptureFixtur
     [
         (("dtb", "BOARD=nope"), "BOARD=nope: there is no such board; boards are gateway numaker"),
         (("image-debian", "BOARD=nope"), "BOARD=nope: there is no such board; boards are gateway numaker"),
-        (("image-buildroot", "BOARD=numaker"), "make image-buildroot knows the gateway board only"),
+        (("run", "BOARD=numaker"), "make run knows the gateway board only"),
     ],
 )
 def test_make_refuses_before_it_builds(words: tuple[str, ...], reason: str) -> None:
