@@ -531,6 +531,7 @@ test-linux: WORKERS := 2 # a guest that starts fills a core
 test-linux: linux image-debian build/swupdate/done build/curl/done lab qemu uboot build build/arm/build.ninja $(TESTED) ## Test: Linux on the emulated board
 	$(LOGGED) arm ninja -C build/arm logic/logic-desk
 	$(MAKE) image-debian SITE=tests/linux/site-tls
+	$(MAKE) image-debian BOARD=numaker
 	$(AREA)
 
 # A kernel and boots of its own that take as long as an area: the drivers change seldom.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A second board on the emulated chip: Linux finds what its device tree has, and nothing more."""
+"""A second board on the emulated chip: Linux finds what its device tree has and nothing more; its image."""
 
 import subprocess
 from collections.abc import Iterator
@@ -8,11 +8,16 @@ from pathlib import Path
 
 import pytest
 
-from nuc980.twin.linux import Kernel, Linux
+from lab.board import ETHERNET, netboot
+from nuc980.netboot.progress import Progress
+from nuc980.twin.linux import TROUBLE, Kernel, Linux
+from nuc980.twin.machine import Machine
 from nuc980.twin.nand import NandImage
 
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "dts/nuvoton/nuc980-numaker.dts"
+SYSTEM = ROOT / "build/boards/numaker/system"
+MODEL = "NuMaker NUC980 DEV V1.0 (OpenRTU)"
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +37,7 @@ def linux(qemu: Path, kernel: Kernel, tmp_path_factory: pytest.TempPathFactory) 
 
 
 def test_linux_runs_on_the_board_of_the_tree(linux: Linux) -> None:
-    assert linux.run("cat /proc/device-tree/model").rstrip("\0") == "NuMaker NUC980 DEV V1.0 (OpenRTU)"
+    assert linux.run("cat /proc/device-tree/model").rstrip("\0") == MODEL
     assert linux.troubles == []
 
 
@@ -50,3 +55,18 @@ def test_every_device_has_its_pins_on_this_board(linux: Linux) -> None:
     assert "connected" in rows["fmi"]
     assert "emac1" not in rows
     assert "uart1" not in rows
+
+
+def test_its_image_comes_onto_it_over_the_network(qemu: Path, uboot: Path, tmp_path: Path) -> None:
+    """As onto any board, by a U-Boot that has its console and its port where the board has them."""
+    if not (SYSTEM / "uImage").exists():
+        pytest.fail(f"{SYSTEM}/uImage is not there: `make image-debian BOARD=numaker`", pytrace=False)
+    console = tmp_path / "console.log"
+    arguments = (qemu, "-bios", uboot, *ETHERNET[0].arguments({}))
+    chardevs = {0: f"pty,logfile={console}"}
+    with Machine(*arguments, uarts=(), chardevs=chardevs, options="board=numaker") as machine:
+        netboot(machine, tmp_path, SYSTEM / "uImage", SYSTEM / "nuc980-numaker.dtb", Progress())
+    said = console.read_text(errors="replace")
+    assert f"Machine model: {MODEL}" in said
+    assert "emac0 eth0: Link is Up" in said
+    assert TROUBLE.findall(said) == []
