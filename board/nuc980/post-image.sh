@@ -15,7 +15,10 @@ compiled=$images/../device-trees
 # Buildroot compiles every tree of dts/nuvoton, and only with the kernel: those of other boards wait for a build for them.
 mkdir -p "$compiled"
 find "$images" -maxdepth 1 -name '*.dtb' -exec mv -t "$compiled" {} +
-cp "$compiled/${tree##*/}" "$tree"
+if ! cp "$compiled/${tree##*/}" "$tree"; then
+	echo "post-image: Buildroot compiles it with the kernel: make -C $(realpath "$images/..") linux-rebuild" >&2
+	exit 1
+fi
 
 "$board/place-macs.sh" "$tree"
 
