@@ -166,7 +166,7 @@ deb: build/packages-deb.done ## Build: the gateway as a Debian package, in build
 
 # ---- device tree ---------------------------------------------------------------------------------
 
-# Another board of board/nuc980/boards: BOARD=numaker (docs/your-board.md).
+# Of board/nuc980/boards: docs/your-board.md.
 BOARD := gateway
 DTS := dts/nuvoton/nuc980-$(BOARD).dts
 # of the board file, as SWITCHES="GATEWAY_PDMA=1 GATEWAY_RTC=1"; a build with switches has a folder of its own
@@ -269,7 +269,7 @@ SYSTEM_PARTS += $(if $(FOR_SITE),$(if $(wildcard $(FOR_SITE)/update.pem),build/s
 SYSTEM_PARTS += $(if $(FOR_SITE),$(if $(wildcard $(FOR_SITE)/update-server),build/curl/done))
 
 image-debian: $(SYSTEM_PARTS) ## Build: a board's image from Debian's packages (SITE=folder: its settings; BOARD=)
-	$(LOGGED) $(notdir $(SYSTEM)) scripts/build-system.sh $(SYSTEM) $(BOARD) $(GATEWAY) $(LINUX_FRAGMENTS)
+	$(LOGGED) $(notdir $(SYSTEM)) scripts/build-system.sh $(SYSTEM) $(GATEWAY) $(LINUX_FRAGMENTS)
 
 # Of image-debian, unless IMAGE= was typed: what goes onto a board.
 IMAGE_TYPED   := $(filter command,$(origin IMAGE))

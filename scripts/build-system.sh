@@ -1,22 +1,21 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-3.0-or-later
-# build-system.sh FOLDER BOARD GATEWAY [FRAGMENT...]: the image for a board from Debian's packages, of what `make image-debian` made in
+# build-system.sh FOLDER GATEWAY [FRAGMENT...]: the image for a board from Debian's packages, of what `make image-debian` made in
 # build. GATEWAY is what it has of build/root: gateway, or gateway-tls with OpenSSL, Net-SNMP and libmicrohttpd. It is the kernel of build/linux, which has these fragments, once more with the root file system inside.
 #
 # FOLDER gets uImage, nuc980-BOARD.dtb and manifest.json; FOLDER.parts the root file system and the licences of what is
 # in it. SITE_SETTINGS in the environment names a folder with the settings of a site; with "update.pem" there the image
-# takes updates, with "update-server" it fetches them.
+# takes updates, with "update-server" it fetches them. NUC980_BOARD names the board, if it is not the gateway.
 set -euo pipefail
 
 folder=$(realpath -m "$1")
-export NUC980_BOARD=$2
-gateway=$3
-shift 3
+gateway=$2
+shift 2
 tree=$(realpath -e "$(dirname "$0")/..")
 board=$tree/board/nuc980
-device_tree=nuc980-$NUC980_BOARD.dtb
-limits=$board/boards/$NUC980_BOARD/image-limits.toml
-[ "$NUC980_BOARD" != gateway ] || limits=$board/image-limits.toml
+name=${NUC980_BOARD:-gateway}
+device_tree=nuc980-$name.dtb
+limits=$board/boards/$name/image-limits.toml
 build=$tree/build
 parts=$folder.parts
 kernel=$build/linux-system
@@ -34,7 +33,7 @@ image_tool() {
 }
 
 inputs() {
-	echo "$folder $NUC980_BOARD $gateway ${SITE_SETTINGS:-}"
+	echo "$folder $name $gateway ${SITE_SETTINGS:-}"
 	{
 		find "$board"/{skeleton,rootfs-overlay} "$build/root/$gateway" -type f -print0
 		printf '%s\0' "$build"/{root/packages.versions,busybox/busybox,chrony/inputs,linux/inputs,"dtb/$device_tree"} \

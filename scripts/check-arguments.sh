@@ -62,8 +62,8 @@ check_site() {
 }
 
 check_board() {
-	[[ $BOARD == gateway || -f board/nuc980/boards/$BOARD/pins.yml ]] || refuse "BOARD=$BOARD: there is no such board;" \
-		"boards are gateway $(cd board/nuc980/boards && some ./*/pins.yml | sed 's|[.]/||g; s|/pins.yml||g')"
+	[[ -f board/nuc980/boards/$BOARD/pins.yml ]] || refuse "BOARD=$BOARD: there is no such board;" \
+		"boards are $(cd board/nuc980/boards && some ./*/pins.yml | sed 's|[.]/||g; s|/pins.yml||g')"
 }
 
 check_signer() {

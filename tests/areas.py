@@ -169,8 +169,7 @@ REACH = [
     ("scripts/armel.ini", "cross test-linux"),
     # the board
     ("board/nuc980/qemu/*", f"lint {BOARDS}"),
-    ("board/nuc980/pins.yml", f"test-pins {BOARDS}"),
-    ("board/nuc980/boards/*", f"test-pins {BOARDS}"),
+    ("board/nuc980/boards/*/pins.yml", f"test-pins {BOARDS}"),
     ("board/*", "lint test-image test-pins test-netboot test-linux"),
     ("dts/*", f"test-pins test-image {BOARDS}"),
     ("patches/qemu/*", f"test-image {BOARDS}"),

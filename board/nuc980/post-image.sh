@@ -9,7 +9,6 @@ board=$(realpath "$(dirname "$0")")
 name=${NUC980_BOARD:-gateway}
 tree=$images/nuc980-$name.dtb
 limits=$board/boards/$name/image-limits.toml
-[ "$name" != gateway ] || limits=$board/image-limits.toml
 compiled=$images/../device-trees
 
 # Buildroot compiles every tree of dts/nuvoton, and only with the kernel: those of other boards wait for a build for them.

@@ -91,7 +91,7 @@ def read_limits(file: Path) -> Limits:
         )
     except (tomllib.TOMLDecodeError, KeyError, TypeError) as error:
         raise UnusableInput(
-            f"{file}: {error!r}; it must be a table as in board/nuc980/image-limits.toml"
+            f"{file}: {error!r}; it must be a table as in board/nuc980/boards/gateway/image-limits.toml"
         ) from error
 
 

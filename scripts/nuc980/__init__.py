@@ -5,7 +5,7 @@ from pathlib import Path
 
 _HERE = Path(__file__).resolve().parent
 
-# In the tree these are links to the files that it has once; pip installs copies.
+# In the tree these lead by links to the files that it has once; pip installs copies.
 VERSION = (_HERE / "VERSION").read_text(encoding="utf-8").strip()
-PIN_TABLE = (_HERE / "board" / "pins.yml").resolve()
-IMAGE_LIMITS = (_HERE / "board" / "image-limits.toml").resolve()
+PIN_TABLE = (_HERE / "board" / "gateway" / "pins.yml").resolve()
+IMAGE_LIMITS = (_HERE / "board" / "gateway" / "image-limits.toml").resolve()

@@ -19,7 +19,7 @@ from image import manifest
 from image.manifest import Refused, judge_device_tree, main, read_limits, ubi_crc
 
 ROOT = Path(__file__).resolve().parents[2]
-LIMITS = ROOT / "board" / "nuc980" / "image-limits.toml"
+LIMITS = ROOT / "board/nuc980/boards/gateway/image-limits.toml"
 HEADER = 64
 KERNEL = "Linux-5.10.140-rt73"
 TREE = """/dts-v1/;

@@ -21,7 +21,7 @@ from nuc980.twin.linux import TROUBLE, Kernel, Linux
 
 CHIP = load_chip()
 ROOT = Path(__file__).resolve().parents[2]
-BOARD = load_board(ROOT / "board/nuc980/pins.yml", CHIP)
+BOARD = load_board(ROOT / "board/nuc980/boards/gateway/pins.yml", CHIP)
 
 OFF = 'status = "disabled";'
 LEDS = '/ {{ leds {{ compatible = "gpio-leds"; led-0 {{ label = "lamp"; gpios = <{}>; }}; }}; }};'

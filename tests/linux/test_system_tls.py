@@ -23,7 +23,7 @@ from nuc980.twin.machine import INSTRUCTION_TIME
 from peers.tls_gateway import VERSIONS, Pki, received
 
 ROOT = Path(__file__).resolve().parents[2]
-BOARD = ROOT / "board/nuc980"
+LIMITS = ROOT / "board/nuc980/boards/gateway/image-limits.toml"
 IMAGE = ROOT / "build/system-site-tls"
 SITE = Path(__file__).parent / "site-tls/config.json"
 STATION, POINTS, STATION_PORT = 1001, 5000, 19998
@@ -193,7 +193,7 @@ def test_memory_and_size(on_time: Linux, pki: Pki, port: int) -> None:
         module = on_time.run("grep -E '^(Pss|Private_Dirty):' /proc/$(pidof rtu-iec104)/smaps_rollup")
         available = int(re.findall(r"MemAvailable: +(\d+)", on_time.run("cat /proc/meminfo"))[0])
     gateway = sum(map(int, re.findall(r"(\d+) kB", pss)))
-    size, limit = (IMAGE / "uImage").stat().st_size, read_limits(BOARD / "image-limits.toml").memory_room
+    size, limit = (IMAGE / "uImage").stat().st_size, read_limits(LIMITS).memory_room
     print(
         f"gateway {gateway} KiB, available {available} KiB; uImage {size} of {limit}; rtu-iec104-tls:", module
     )

@@ -19,7 +19,7 @@ from nuc980.netboot.flash.layout import (
 )
 
 ROOT = Path(__file__).parents[2]
-LIMITS = tomllib.loads((ROOT / "board/nuc980/image-limits.toml").read_text())["flash"]
+LIMITS = tomllib.loads((ROOT / "board/nuc980/boards/gateway/image-limits.toml").read_text())["flash"]
 SIZE, BLOCK = 0x8000000, 0x20000
 FACTORY = "nand read 0x7FC0 0x200000 0x500000; nand read 0xA00000 0x700000 0x100000; bootm 0x7Fc0 - 0xA00000"
 PARTS = (

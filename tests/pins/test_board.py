@@ -11,7 +11,7 @@ from nuc980.pins.chip import load_chip
 from nuc980.pins.limits import Area
 
 CHIP = load_chip()
-TABLE = Path(__file__).resolve().parents[2] / "board" / "nuc980" / "pins.yml"
+TABLE = Path(__file__).resolve().parents[2] / "board/nuc980/boards/gateway/pins.yml"
 
 
 def test_the_boards_table_is_table_2_1() -> None:
@@ -180,7 +180,7 @@ def test_memory_and_flash_are_those_of_the_image(tmp_path: Path) -> None:
 )
 def test_mistakes_in_the_limits_are_told(tmp_path: Path, before: str, after: str, says: str) -> None:
     (tmp_path / "limits.toml").write_text(LIMITS.replace(before, after, 1))
-    with pytest.raises(UnusableInput, match=r"as board/nuc980/image-limits\.toml") as raised:
+    with pytest.raises(UnusableInput, match=r"as board/nuc980/boards/gateway/image-limits\.toml") as raised:
         load_board(table(tmp_path, PART + "limits: limits.toml"), CHIP)
     assert says in str(raised.value)
 

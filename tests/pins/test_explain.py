@@ -15,7 +15,7 @@ from nuc980.pins.explain import explain
 from nuc980.pins.rules import RULES
 
 CHIP = load_chip()
-BOARD = load_board(Path(__file__).resolve().parents[2] / "board" / "nuc980" / "pins.yml", CHIP)
+BOARD = load_board(Path(__file__).resolve().parents[2] / "board/nuc980/boards/gateway/pins.yml", CHIP)
 
 
 def explained(word: str) -> str:

@@ -23,7 +23,7 @@ from nuc980.pins.source import read_tree
 
 ROOT = Path(__file__).resolve().parents[2]
 CHIP = load_chip()
-BOARD = load_board(ROOT / "board" / "nuc980" / "pins.yml", CHIP)
+BOARD = load_board(ROOT / "board/nuc980/boards/gateway/pins.yml", CHIP)
 SD = [
     Use(pin, "sdh", signal)
     for signal, (pin, _) in ((signal, places[0]) for signal, places in CHIP.signals.items())

@@ -17,7 +17,7 @@ from nuc980.pins.tree import Node, Property, Tree
 
 CHIP = load_chip()
 ROOT = Path(__file__).resolve().parents[2]
-TABLE = ROOT / "board" / "nuc980" / "pins.yml"
+TABLE = ROOT / "board/nuc980/boards/gateway/pins.yml"
 
 MORE = {
     "aic": "interrupt-controller; #interrupt-cells = <3>;",

@@ -14,7 +14,7 @@ from nuc980.twin.machine import Machine, MachineError
 
 ROOT = Path(__file__).resolve().parents[2]
 CHIP = load_chip()
-BOARD = load_board(ROOT / "board/nuc980/pins.yml", CHIP)
+BOARD = load_board(ROOT / "board/nuc980/boards/gateway/pins.yml", CHIP)
 SETTLED = 200_000_000  # ns: longer than a driver takes to switch its pins
 UART1 = 0xB0071000
 THR, LCR, BAUD = 0x00, 0x0C, 0x24

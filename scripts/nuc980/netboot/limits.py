@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What fits this board's memory and flash: board/nuc980/image-limits.toml, which both images obey."""
+"""What fits the gateway's memory and flash: its image-limits.toml, which both images obey."""
 
 from __future__ import annotations
 

@@ -146,7 +146,7 @@ def _generate(parsed: argparse.Namespace) -> int:
         files = {parsed.linux.absolute(): linux_table(load_chip())}
         command = f"nuc980-pins generate --linux {parsed.linux}"
     else:
-        if PIN_TABLE != ROOT / "board" / "nuc980" / "pins.yml":
+        if PIN_TABLE != ROOT / "board" / "nuc980" / "boards" / "gateway" / "pins.yml":
             raise UnusableInput(
                 "generate writes into a clone of OpenRTU: run scripts/nuc980-pins there; "
                 "generate --linux FILE works anywhere"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a board's memory and flash are: the pins' share of board/nuc980/image-limits.toml."""
+"""What a board's memory and flash are: the pins' share of its image-limits.toml."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def load_limits(file: Path) -> Limits:
         ValueError,
     ) as error:
         raise UnusableInput(
-            f"{file}: {error!r}; it must be a table as board/nuc980/image-limits.toml"
+            f"{file}: {error!r}; it must be a table as board/nuc980/boards/gateway/image-limits.toml"
         ) from error
 
 

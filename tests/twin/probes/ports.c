@@ -6,7 +6,7 @@
 #define BAUD    115200
 #define SIZE    1024
 
-/* The board's wiring: board/nuc980/pins.yml. */
+/* The board's wiring: board/nuc980/boards/gateway/pins.yml. */
 static const struct wiring {
 	uint8_t uart;
 	struct {

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where slots and marks are in the flash: board/nuc980/image-limits.toml, less what is bad on this board."""
+"""Where slots and marks are in the flash: image-limits.toml, less what is bad on this board."""
 
 from __future__ import annotations
 
