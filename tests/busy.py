@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
+import re
 import signal
 import statistics
 import subprocess
@@ -49,11 +50,13 @@ def busy_processes(count: int, processors: set[int] | None = None) -> Iterator[N
 
 
 def keep_details(target: str, log: Path, since: float) -> None:
-    """What a failed show has written to a file, which the next show removes, at the end of its log."""
-    details = ROOT / "build" / "log" / f"{target}-failed.log"
-    if details.exists() and details.stat().st_mtime >= since:
-        with log.open("ab") as output:
-            output.write(details.read_bytes())
+    """What a failed show or step has written to a file, which the next replaces, at the end of its log."""
+    failed = re.findall(r"\* (\S+): failed after", log.read_text(errors="replace"))
+    for name in (f"{target}-failed", *failed):
+        details = ROOT / "build" / "log" / f"{name}.log"
+        if details.exists() and details.stat().st_mtime >= since:
+            with log.open("ab") as output:
+                output.write(details.read_bytes())
 
 
 def run_once(tally: Tally, log: Path) -> None:

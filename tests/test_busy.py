@@ -29,14 +29,24 @@ def test_what_a_failed_show_says_is_in_its_log(tmp_path: Path, monkeypatch: pyte
     """And not what an earlier one has said."""
     monkeypatch.setattr("busy.ROOT", tmp_path)
     details, log = tmp_path / "build/log/run-failed.log", tmp_path / "run-1.log"
+    log.write_text("step 1\n")
     keep_details("run", log, 0)
     details.parent.mkdir(parents=True)
     details.write_text("seen: nothing\n")
     keep_details("run", log, details.stat().st_mtime + 1)
-    assert not log.exists()
-    log.write_text("step 1\n")
+    assert log.read_text() == "step 1\n"
     keep_details("run", log, details.stat().st_mtime)
     assert log.read_text() == "step 1\nseen: nothing\n"
+
+
+def test_what_a_failed_step_says_is_in_its_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("busy.ROOT", tmp_path)
+    step, log = tmp_path / "build/log/unit.log", tmp_path / "test-quick-1.log"
+    step.parent.mkdir(parents=True)
+    step.write_text("0x5 != 0\n")
+    log.write_text("   * native: done\n   * unit: failed after 53 s; the end of build/log/unit.log:\n")
+    keep_details("test-quick", log, step.stat().st_mtime)
+    assert log.read_text().endswith(":\n0x5 != 0\n")
 
 
 def test_all_that_passed_is_0() -> None:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
+from lab.gateway import free_port, remove, run_directory
 from peers import mms
-from test_iec61850_scl import DEVICE, site_config
+from test_iec61850_scl import DEVICE, site_gateway
 
 ROOT = Path(__file__).parents[1]
 STATEMENT = (ROOT / "docs/conformance-61850.md").read_text()
@@ -29,7 +29,7 @@ def rows(heading: str) -> list[list[str]]:
 def port(programs: Path) -> Iterator[int]:
     directory, port = run_directory(), free_port()
     try:
-        with Gateway(listening_on(site_config(port), free_port()), directory, programs):
+        with site_gateway(port, directory, programs):
             yield port
     finally:
         remove(directory)

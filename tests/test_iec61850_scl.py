@@ -131,12 +131,18 @@ TRANSFORMER = {
 }
 
 
+def site_gateway(port: int, directory: Path, programs: Path) -> Gateway:
+    """Its lines have no devices, and one module no program: names and types need none."""
+    gateway = Gateway(listening_on(site_config(port), free_port()), directory, programs)
+    gateway.absent = frozenset(["transformer"])
+    return gateway
+
+
 @pytest.fixture(scope="module")
 def gateway(programs: Path) -> Iterator[Gateway]:
-    """Its lines have no devices: names and types need none."""
     directory = run_directory()
     try:
-        with Gateway(listening_on(site_config(free_port()), free_port()), directory, programs) as running:
+        with site_gateway(free_port(), directory, programs) as running:
             yield running
     finally:
         remove(directory)

@@ -37,7 +37,6 @@ static void test_what_was_not_published_since_is_not_read_again(void **state)
 	struct map_seen seen = {.whole = false};
 	struct map_sample samples[2];
 
-	set_heartbeat_limit(stage->rtud, index_of(stage, FIRST), 60000);
 	assert_true(map_read_changed(stage->rtud, points, 2, &seen, samples));
 	assert_int_equal(samples[1].quality, MAP_INVALID);
 	map_publish(owner, &update, 1);

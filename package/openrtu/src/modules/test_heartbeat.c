@@ -59,6 +59,7 @@ static struct late late_of(struct stage *stage)
 {
 	struct late late = {.map = start(stage, FIRST)};
 
+	set_heartbeat_limit(late.map, map_self(late.map), MAP_HEARTBEAT_LIMIT_MS);
 	heartbeat_begin(&late.heartbeat, late.map);
 	if (late.heartbeat.schedstat_fd >= 0)
 		close(late.heartbeat.schedstat_fd);
