@@ -166,8 +166,9 @@ deb: build/packages-deb.done ## Build: the gateway as a Debian package, in build
 
 # ---- device tree ---------------------------------------------------------------------------------
 
-# Of board/nuc980/boards: docs/your-board.md.
+# Of board/nuc980/boards: docs/your-board.md. What is built for another board has a folder of its own.
 BOARD := gateway
+OF_BOARD := $(if $(filter-out gateway,$(BOARD)),boards/$(BOARD)/)
 DTS := dts/nuvoton/nuc980-$(BOARD).dts
 # of the board file, as SWITCHES="GATEWAY_PDMA=1 GATEWAY_RTC=1"; a build with switches has a folder of its own
 SWITCHES :=
@@ -197,11 +198,15 @@ build/qemu/done: $(QEMU_PARTS) $(call gone,qemu,$(QEMU_PARTS)) build/qemu/debian
 
 UBOOT_PARTS := scripts/build-uboot.sh scripts/patched-source.sh $(wildcard patches/uboot/*.patch dts/nuvoton/*.dts*)
 
-uboot: build/u-boot/done ## Build: the board's U-Boot
+uboot: build/$(OF_BOARD)u-boot/done ## Build: a board's U-Boot (BOARD=)
 
 build/u-boot/done: $(UBOOT_PARTS) $(call gone,u-boot,$(UBOOT_PARTS)) build/u-boot/debian.dsc | build/packages-twin.done
-	$(LOGGED) u-boot scripts/build-uboot.sh build/u-boot/debian $(@D)
+	$(LOGGED) u-boot env NUC980_BOARD=gateway scripts/build-uboot.sh build/u-boot/debian $(@D)
 	@echo $(UBOOT_PARTS) > $(@D)/parts
+	@touch $@
+
+build/boards/%/u-boot/done: build/u-boot/done
+	$(LOGGED) u-boot-$* env NUC980_BOARD=$* scripts/build-uboot.sh build/u-boot/debian $(@D)
 	@touch $@
 
 # The one that was tried; with another one from the archive the patches apply, or the build says which does not.
@@ -256,8 +261,8 @@ build/%/debian.dsc: scripts/debian-source.sh | build/packages-twin.done
 
 # ---- the image from Debian's packages ------------------------------------------------------------
 
-# A build for another board or a site has a folder of its own.
-SYSTEM = build/$(if $(filter-out gateway,$(BOARD)),boards/$(BOARD)/)system$(if $(SITE),-$(subst $(EMPTY) $(EMPTY),_,$(shell basename '$(SITE_SETTINGS)')))
+# A build for a site has a folder of its own.
+SYSTEM = build/$(OF_BOARD)system$(if $(SITE),-$(subst $(EMPTY) $(EMPTY),_,$(shell basename '$(SITE_SETTINGS)')))
 # With OpenSSL only where the site's configuration asks for TLS.
 FOR_SITE := $(or $(SITE),$(SITE_SETTINGS))
 GATEWAY := $(or $(if $(FOR_SITE),$(shell PYTHONPATH=scripts python3 -m image.rootfs gateway '$(FOR_SITE)' 2> /dev/null)),gateway)
@@ -531,7 +536,7 @@ test-linux: WORKERS := 2 # a guest that starts fills a core
 test-linux: linux image-debian build/swupdate/done build/curl/done lab qemu uboot build build/arm/build.ninja $(TESTED) ## Test: Linux on the emulated board
 	$(LOGGED) arm ninja -C build/arm logic/logic-desk
 	$(MAKE) image-debian SITE=tests/linux/site-tls
-	$(MAKE) image-debian BOARD=numaker
+	$(MAKE) image-debian uboot BOARD=numaker
 	$(AREA)
 
 # A kernel and boots of its own that take as long as an area: the drivers change seldom.

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-3.0-or-later
-# build-uboot.sh DEBIAN FOLDER: U-Boot for the gateway board, from Debian's unpacked source.
+# build-uboot.sh DEBIAN FOLDER: U-Boot for a board, from Debian's unpacked source. NUC980_BOARD names the board, if it is not the
+# gateway; its console is the same port.
 #
 # FOLDER/source is DEBIAN with patches/uboot applied and dts/nuvoton laid over it. FOLDER gets u-boot.bin, its program
 # u-boot with symbols, and u-boot.dtb.
@@ -10,11 +11,12 @@ debian=$(realpath -e "$1")
 folder=$(realpath -m "$2")
 tree=$(realpath -e "$(dirname "$0")/..")
 changelog=$debian/debian/changelog
+board=${NUC980_BOARD:-gateway}
 export CROSS_COMPILE=${CROSS_COMPILE:-arm-linux-gnueabi-}
 
 # U-Boot's own make writes the default environment and links at every call.
 inputs() {
-	echo "$debian $CROSS_COMPILE"
+	echo "$debian $CROSS_COMPILE $board"
 	sha256sum "$tree"/patches/uboot/*.patch "$tree"/dts/nuvoton/*.dts* "$changelog" \
 		"$tree"/scripts/{build-uboot,patched-source}.sh
 }
@@ -25,6 +27,8 @@ stage() {
 	mkdir -p "$dts"
 	cp --archive "$tree"/dts/nuvoton/*.dts* "$dts"
 	"$tree/scripts/patched-source.sh" "$debian" "$folder/overlay" "$folder/source" "$tree"/patches/uboot/*.patch
+	dts=$folder/source/arch/arm/dts
+	[ "$board" = gateway ] || cp "$dts/nuc980-gateway-u-boot.dtsi" "$dts/nuc980-$board-u-boot.dtsi"
 }
 
 build() {
@@ -34,6 +38,7 @@ build() {
 	export SOURCE_DATE_EPOCH
 	local uboot=(make --directory="$folder/source" "O=$folder/build" "LOCALVERSION=+${version#*+}")
 	"${uboot[@]}" nuc980_gateway_defconfig
+	sed -i "s/\"nuc980-gateway\"/\"nuc980-$board\"/" "$folder/build/.config"
 	"${uboot[@]}" --jobs="$(nproc)" u-boot.bin u-boot.dtb
 	install --target-directory="$folder" "$folder/build"/{u-boot.bin,u-boot,u-boot.dtb}
 }

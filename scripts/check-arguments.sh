@@ -77,7 +77,7 @@ check_signer() {
 # What is made for the gateway board alone.
 check_gateway() {
 	[[ ${BOARD:-gateway} == gateway ]] ||
-		refuse "make $1 knows the gateway board only; BOARD= goes with device trees, images, updates and netboot"
+		refuse "make $1 knows the gateway board only; BOARD= goes with dtb, uboot, images, update and netboot"
 }
 
 check_device_tree() {
@@ -90,8 +90,8 @@ check_device_tree() {
 [[ -z ${SITE:-} ]] || check_site
 for goal; do
 	case $goal in
-	dtb | image-* | image | system | update | netboot) check_board ;;&
-	run | lab | uboot) check_gateway "$goal" ;;&
+	dtb | uboot | image-* | image | system | update | netboot) check_board ;;&
+	run | lab) check_gateway "$goal" ;;&
 	run | run-native | centre) check_tcp_port ;;&
 	centre) [[ -z ${STATIONS:-} || -f $STATIONS ]] || refuse "STATIONS=$STATIONS is not a file; docs/centre.md says what belongs in it" ;;
 	run) [[ -z ${IMAGE_TYPED:-} ]] || check_image "${IMAGE:-.}" ;;

@@ -16,7 +16,8 @@ from nuc980.twin.nand import NandImage
 
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "dts/nuvoton/nuc980-numaker.dts"
-SYSTEM = ROOT / "build/boards/numaker/system"
+BUILT = ROOT / "build/boards/numaker"
+SYSTEM, UBOOT = BUILT / "system", BUILT / "u-boot/u-boot.bin"
 MODEL = "NuMaker NUC980 DEV V1.0 (OpenRTU)"
 
 
@@ -57,16 +58,19 @@ def test_every_device_has_its_pins_on_this_board(linux: Linux) -> None:
     assert "uart1" not in rows
 
 
-def test_its_image_comes_onto_it_over_the_network(qemu: Path, uboot: Path, tmp_path: Path) -> None:
-    """As onto any board, by a U-Boot that has its console and its port where the board has them."""
-    if not (SYSTEM / "uImage").exists():
-        pytest.fail(f"{SYSTEM}/uImage is not there: `make image-debian BOARD=numaker`", pytrace=False)
+def test_its_image_comes_onto_it_over_the_network(qemu: Path, tmp_path: Path) -> None:
+    """By a U-Boot of its own, which knows of the one Ethernet port that the board has."""
+    for file in (SYSTEM / "uImage", UBOOT):
+        if not file.exists():
+            pytest.fail(f"{file} is not there: `make image-debian uboot BOARD=numaker`", pytrace=False)
     console = tmp_path / "console.log"
-    arguments = (qemu, "-bios", uboot, *ETHERNET[0].arguments({}))
+    arguments = (qemu, "-bios", UBOOT, *ETHERNET[0].arguments({}))
     chardevs = {0: f"pty,logfile={console}"}
     with Machine(*arguments, uarts=(), chardevs=chardevs, options="board=numaker") as machine:
         netboot(machine, tmp_path, SYSTEM / "uImage", SYSTEM / "nuc980-numaker.dtb", Progress())
     said = console.read_text(errors="replace")
+    assert "eth0 : emac0" in said
+    assert "emac1" not in said
     assert f"Machine model: {MODEL}" in said
     assert "emac0 eth0: Link is Up" in said
     assert TROUBLE.findall(said) == []
