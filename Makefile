@@ -166,7 +166,7 @@ deb: build/packages-deb.done ## Build: the gateway as a Debian package, in build
 
 # ---- device tree ---------------------------------------------------------------------------------
 
-# Of board/nuc980/boards: docs/your-board.md. What is built for another board has a folder of its own.
+# Of board/nuc980/boards: docs/your-board.md. U-Boot, and the image from Debian's packages, have a folder for each other board.
 BOARD := gateway
 OF_BOARD := $(if $(filter-out gateway,$(BOARD)),boards/$(BOARD)/)
 DTS := dts/nuvoton/nuc980-$(BOARD).dts
@@ -285,6 +285,7 @@ update: $(if $(and $(SITE),$(KEY),$(CERTIFICATE)),$(IMAGE_DEBIAN) $(VENV)) ## Bu
 ifeq ($(and $(SITE),$(KEY),$(CERTIFICATE)),)
 	@echo "make update SITE=folder KEY=file CERTIFICATE=file: who gets it, and who signs it (docs/update.md)" >&2; exit 2
 endif
+	@mkdir -p $(dir $(SYSTEM))
 	PYTHONPATH=scripts $(PYTHON) -m image.update $(IMAGE_FOLDER) --board nuc980-$(BOARD) --site '$(notdir $(SITE_SETTINGS))' \
 	  --key '$(KEY)' --certificate '$(CERTIFICATE)' --out $(SYSTEM).swu
 
@@ -563,7 +564,7 @@ test-changed: $(VENV) ## Test: what a change can reach, and why (BASE=commit: si
 # time. The tests themselves run one part after another: two cores with more than four workers make tests late.
 SHARED     := build qemu uboot centre-page build/packages-deb.done build/packages-centre.done build/sysroot.ini \
   build/gpsd/done build/chronyd/done build/mibs/done
-ONLY_LINUX := linux build/swupdate/done build/curl/done $(SYSTEM_PARTS) build/root/gateway-tls.done
+ONLY_LINUX := linux build/boards/numaker/u-boot/done build/swupdate/done build/curl/done $(SYSTEM_PARTS) build/root/gateway-tls.done
 PARTS      := lint unit asan cross fuzzers test-sanitizers test-native
 
 test: $(VENV) ## Test: all but soak, test-debug-kernel, test-offline; then what it cost

@@ -28,6 +28,7 @@ from update_board import (
 from desk import chapter_5
 from image.update import Signer, update_file
 from lab.board import ETHERNET, MACS, SSH_PORT, Ssh
+from lab.boots import Image
 from lab.gateway import free_port
 from nuc980.twin.machine import INSTRUCTION_TIME, Machine
 from nuc980.twin.nand import NandImage
@@ -47,7 +48,7 @@ UPDATING = "until grep -q 1 /sys/class/ubi/ubi0_2/upd_marker; do sleep 0.01; don
 
 
 @dataclass(frozen=True)
-class Image:
+class SignedImage:
     """What boards get, and who may log in to them and sign their updates."""
 
     uimage: Path
@@ -62,7 +63,7 @@ class Image:
         return self.uimage.read_bytes(), self.tree.read_bytes()
 
 
-def debian(folder: Path, key: Path) -> Image:
+def debian(folder: Path, key: Path) -> SignedImage:
     """UBIFS and UBI of Debian's root, with what a site adds."""
     signer = make_signer(folder, "present")
     root = folder / "root"
@@ -73,33 +74,33 @@ def debian(folder: Path, key: Path) -> Image:
         (root / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(file, root / name)
     ubifs, ubi = ubi_image(root, folder)
-    return Image(SYSTEM / "uImage", SYSTEM / "nuc980-gateway.dtb", ubifs, ubi, SITE, key, signer)
+    return SignedImage(SYSTEM / "uImage", SYSTEM / "nuc980-gateway.dtb", ubifs, ubi, SITE, key, signer)
 
 
-def offline() -> Image:
+def offline() -> SignedImage:
     """As Buildroot has made it for the site that takes updates."""
-    images, site = OFFLINE / "images", TREE / "build/site"
-    if not (images / "rootfs.ubi").exists():
-        pytest.skip(f"{images}/rootfs.ubi is not there: make test-offline")
-    return Image(
-        images / "uImage", images / "nuc980-gateway.dtb", images / "rootfs.ubifs", images / "rootfs.ubi",
+    built, site = Image(OFFLINE), TREE / "build/site"
+    if not built.ubi.exists():
+        pytest.skip(f"{built.ubi} is not there: make test-offline")
+    return SignedImage(
+        built.uimage, built.dtb, built.images / "rootfs.ubifs", built.ubi,
         "field", site / "key", Signer(site / "update.key", site / "field/update.pem"),
     )  # fmt: skip
 
 
 @pytest.fixture(scope="module", params=["debian", pytest.param("offline", marks=pytest.mark.soak)])
-def image(request: pytest.FixtureRequest, folder: Path, key: Path) -> Image:
+def image(request: pytest.FixtureRequest, folder: Path, key: Path) -> SignedImage:
     return offline() if request.param == "offline" else debian(folder, key)
 
 
 @pytest.fixture(scope="module")
-def ssh(image: Image, folder: Path) -> Iterator[Ssh]:
+def ssh(image: SignedImage, folder: Path) -> Iterator[Ssh]:
     with Ssh(free_port(), image.key, folder) as ssh:
         yield ssh
 
 
 @pytest.fixture(scope="module")
-def nand(folder: Path, qemu: Path, uboot: Path, image: Image) -> NandImage:
+def nand(folder: Path, qemu: Path, uboot: Path, image: SignedImage) -> NandImage:
     more = {"settings": SETTINGS, "quicker": QUICKER, "ubi": image.ubi}
     return flash_after_install(folder, qemu, uboot, *image.kernel_and_tree(), **more)
 
@@ -154,7 +155,7 @@ def board(qemu: Path, uboot: Path, nand: NandImage, ssh: Ssh) -> Iterator[Powere
 
 
 @pytest.fixture(scope="module")
-def update(image: Image) -> bytes:
+def update(image: SignedImage) -> bytes:
     root = image.ubifs.read_bytes()
     return update_file(*image.kernel_and_tree(), VERSION, image.site, image.signer, root=root)
 
