@@ -19,6 +19,7 @@ from pathlib import Path
 
 import pytest
 
+from busy import busy_processes
 from nuc980.netboot.board import Nand
 from nuc980.netboot.flash.tables import tables_content, tables_slot
 from nuc980.twin.machine import ANSWER_SECONDS, Machine
@@ -315,6 +316,22 @@ def test_factorys_environment_does_no_harm(with_nand: Console) -> None:
     banner = with_nand.reset()
     assert "Loading Environment from NAND... OK" in banner
     assert "eth0: emac0" in banner
+
+
+@pytest.mark.soak
+def test_no_timer_is_lost_while_the_flash_is_written(
+    console: Callable[..., Console], erased_nand: Path
+) -> None:
+    """What tells the main loop of a timer must reach it, though the guest's thread has polled meanwhile.
+
+    Without the patch, U-Boot waits forever for the end of a character once in some 200 saveenv.
+    """
+    with busy_processes(8):
+        for _ in range(60):
+            at = console("-drive", f"if=mtd,format=raw,snapshot=on,file={erased_nand}")
+            for _ in range(6):
+                assert "Writing to NAND... OK" in at.run("saveenv")
+            at.machine.close()
 
 
 @contextmanager
