@@ -34,16 +34,16 @@ def chapter_5() -> dict[str, Any]:
     loaded.setdefault("iec104", {})["connections_per_address"] = 8
     for port in loaded["port"]:
         for slave in port.get("slaves", []):
-            slave["response_timeout_ms"] = patient_ms(slave.get("response_timeout_ms", RESPONSE_TIMEOUT_MS))
-            slave["response_timeout_min_ms"] = slave["response_timeout_ms"]
+            slave |= patience(slave.get("response_timeout_ms", RESPONSE_TIMEOUT_MS))
             if slave["id"]:
                 slave["probe_max_s"] = PROBE_MAX_S
     return loaded
 
 
-def patient_ms(timeout_ms: int) -> int:
-    """A response time-out, longer on a busy host."""
-    return max(timeout_ms, min(LONGEST_TIMEOUT_MS, round(timeout_ms * stretch())))
+def patience(timeout_ms: int = RESPONSE_TIMEOUT_MS) -> dict[str, int]:
+    """A device's response time-out, longer on a busy host, and no shorter one is learned."""
+    patient_ms = max(timeout_ms, min(LONGEST_TIMEOUT_MS, round(timeout_ms * stretch())))
+    return {"response_timeout_ms": patient_ms, "response_timeout_min_ms": patient_ms}
 
 
 def values() -> dict[str, dict[str, dict[str, int]]]:

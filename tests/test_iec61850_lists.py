@@ -14,7 +14,7 @@ import pytest
 from iec61850 import FC, IedConnection
 
 from capture import Connection, Relay, dissect_mms
-from desk import Substation, gateway_on_lines
+from desk import Substation, gateway_on_lines, patience
 from lab.gateway import free_port
 from peers import mms
 from peers.mms import DONE, Client, element
@@ -32,7 +32,11 @@ LISTS, MEMBERS = 16, 64
 
 def configuration(port: int) -> dict[str, Any]:
     slaves = [
-        {"id": number, "discrete_inputs": [{"address": i, "name": f"in{number}.{i}"} for i in range(70)]}
+        {
+            "id": number,
+            **patience(),
+            "discrete_inputs": [{"address": i, "name": f"in{number}.{i}"} for i in range(70)],
+        }
         for number in (5, 6)
     ]
     parts = ["in5.0[stVal]", "in5.0[q]", "in5.0[t]", "in5.1"]
@@ -134,6 +138,14 @@ def told(client: Client) -> tuple[list[int], list[tuple[int, bytes]], list[int]]
 # ---- who makes them ---------------------------------------------------------------------------------
 
 
+def wait_same_values(plant: Plant, client: Client, name: str, wanted: list[str]) -> None:
+    """What the data set has is what its members have, as soon as the server has the first events."""
+    variables = [(DOMAIN, member) for member in wanted]
+    plant.gateway.wait_for(
+        lambda: values(client, name) == client.values(*variables), 20.0, f"{name}'s values"
+    )
+
+
 def test_a_client_makes_one_for_all(plant: Plant) -> None:
     wanted = ["GGIO1$ST$Ind10001", "GGIO1$ST$Ind10002$stVal", "GGIO1$ST$Ind10002$q"]
     with plant.client() as client, plant.client() as other:
@@ -141,7 +153,7 @@ def test_a_client_makes_one_for_all(plant: Plant) -> None:
         for each in (client, other):
             assert each.names(2, DOMAIN) == [OWN, "LLN0$Mine"]
             assert members(each, "LLN0$Mine") == (True, wanted)
-            assert values(each, "LLN0$Mine") == each.values(*[(DOMAIN, name) for name in wanted])
+            wait_same_values(plant, each, "LLN0$Mine", wanted)
         assert members(client, OWN)[0] is False
         assert mms.refusal(client.ask(definition("LLN0$Mine", *wanted))) == EXISTS
         assert mms.refusal(client.ask(definition(OWN, *wanted))) == EXISTS
@@ -273,7 +285,7 @@ def test_what_was_an_associations_own_is_nobody_elses(plant: Plant, given_back: 
 @pytest.mark.parametrize("block", ["RP$urcbParts01", "BR$brcbParts01"])
 def test_an_attribute_is_told_for_its_own_reason(plant: Plant, block: str) -> None:
     """A value when it changes, a quality when that does, a time with neither; a data object with each."""
-    first = 1 if block[0] == "R" else 0
+    first = 1 - plant.lines.get(LINE, "discrete_inputs", 0)
     with plant.client() as client:
         if block[0] == "B":
             assert put(client, block, PurgeBuf=YES) == [DONE]
@@ -287,6 +299,27 @@ def test_an_attribute_is_told_for_its_own_reason(plant: Plant, block: str) -> No
             seen += list(zip(included, reasons, strict=True))
         assert {reason for _, reason in seen} == {QUALITY_CHANGE}
         plant.wait_all_good(CA)
+
+
+def test_a_time_is_that_of_the_last_change(plant: Plant) -> None:
+    """IEC 61850-7-3: of a value that the gateway reads again and again, as reports, GI and clients see it."""
+    block, changed = "RP$urcbParts01", 1 - plant.lines.get(LINE, "discrete_inputs", 0)
+    times = []
+    with plant.client() as client:
+        assert put(client, block, RptEna=YES) == [DONE]
+        plant.set_and_scan(LINE, "discrete_inputs", 0, [changed])
+        assert told(client) == ([0], [(0x83, bytes([changed]))], [DATA_CHANGE])
+        for _ in range(3):
+            assert put(client, block, GI=YES) == [DONE]
+            included, (value, _, moment, _), _ = told(client)
+            assert (included, value) == ([0, 1, 2, 3], (0x83, bytes([changed])))
+            times += [moment, *client.values((DOMAIN, "GGIO1$ST$Ind10001$t"))]
+            plant.set_and_scan(LINE, "discrete_inputs", 0, [changed])
+        assert len(set(times)) == 1
+        plant.set_and_scan(LINE, "discrete_inputs", 0, [1 - changed])
+        assert told(client)[0] == [0]
+        (later,) = client.values((DOMAIN, "GGIO1$ST$Ind10001$t"))
+    assert later[1] > times[0][1]
 
 
 # ---- foreign clients --------------------------------------------------------------------------------

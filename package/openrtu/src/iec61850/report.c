@@ -100,11 +100,12 @@ static void note(struct iec61850_server *server, uint32_t point, const struct ma
 	const unsigned changed = reason_of(model->config, point, sample, &model->image[point]);
 	const unsigned reason = changed != 0 ? changed : otherwise;
 
+	if (reason == 0)
+		return; /* the image keeps the time of the last change */
 	model->image[point] = *sample;
-	if (reason != 0 && (reason != IEC61850_DATA_UPDATE || keeps_updates(model, point)))
+	if (reason != IEC61850_DATA_UPDATE || keeps_updates(model, point))
 		iec61850_buffer_add(&server->model.buffer, point, (uint8_t)reason, sample);
-	if (reason != 0)
-		mark_point(model, point, reason, now_ns);
+	mark_point(model, point, reason, now_ns);
 }
 
 static void note_owner(struct iec61850_server *server, uint32_t module, int64_t now_ns)
@@ -210,8 +211,11 @@ static void take_image(struct iec61850_model *model, enum iec61850_begun begun)
 	for (uint32_t number = iec61850_buffer_oldest(buffer); number != buffer->next; number++) {
 		const struct map_history_entry *entry = iec61850_buffer_entry(buffer, number);
 
-		if (entry != NULL && entry->point < model->config->point_count)
-			model->image[entry->point] = entry->sample;
+		if (entry == NULL || entry->point >= model->config->point_count)
+			continue;
+		model->image[entry->point] = entry->sample;
+		if (entry->time != MAP_TIME_MONOTONIC) /* of an earlier start, whose clock was another */
+			model->image[entry->point].time_ns = 0;
 	}
 }
 
@@ -608,7 +612,7 @@ static void put_member(struct iec61850_server *server, struct ber_writer *writer
 	struct map_sample sample = entry != NULL ? entry->sample : server->model.image[point];
 
 	if (reason & (IEC61850_GENERAL | IEC61850_INTEGRITY))
-		map_read(server->model.map, point, &sample);
+		iec61850_read_point(&server->model, point, &sample);
 	iec61850_put_sample(writer, &server->model, object, &sample,
 			    entry != NULL ? entry->time : (uint8_t)MAP_TIME_MONOTONIC);
 }

@@ -110,11 +110,27 @@ static void set_sample(const struct iec61850_model *model, uint32_t number, stru
 	set_time(model, sample.time_ns, out);
 }
 
+/*
+ * t is the time of the last change (IEC 61850-7-3, common data classes); the map has that of the last reading. Within a deadband no
+ * event tells of a change.
+ */
+bool iec61850_read_point(const struct iec61850_model *model, uint32_t number, struct map_sample *out)
+{
+	const struct map_sample *image = &model->image[number];
+
+	if (!map_read(model->map, number, out))
+		return false;
+	if (image->time_ns != 0 && model->config->points[number].deadband == 0 &&
+	    image->value.u == out->value.u && image->quality == out->quality && image->detail == out->detail)
+		out->time_ns = image->time_ns;
+	return true;
+}
+
 static bool load_point(const struct iec61850_model *model, uint32_t number, struct state *out)
 {
 	struct map_sample sample;
 
-	if (!map_read(model->map, number, &sample))
+	if (!iec61850_read_point(model, number, &sample))
 		return false;
 	set_sample(model, number, sample, out);
 	return true;
@@ -127,7 +143,7 @@ static bool load_health(const struct iec61850_model *model, const struct iec6185
 	struct map_sample sample = {.quality = MAP_INVALID};
 
 	for (uint32_t i = 0; i < device->count && (sample.quality & MAP_INVALID); i++)
-		if (!map_read(model->map, model->points[device->first + i], &sample))
+		if (!iec61850_read_point(model, model->points[device->first + i], &sample))
 			return false;
 	out->number = sample.quality & MAP_INVALID ? HEALTH_ALARM : HEALTH_OK;
 	set_time(model, sample.time_ns, out);

@@ -15,6 +15,9 @@ enum { IEC61850_DEADBAND_WHOLE = 100000 };
 float iec61850_limit_of(const struct iec61850_model *model, const struct iec61850_object *object,
 			enum iec61850_leaf leaf);
 
+/* A point as it is now, with the time of its last change. False: it cannot be read now. */
+bool iec61850_read_point(const struct iec61850_model *model, uint32_t number, struct map_sample *out);
+
 /* Puts a variable's value. False: it cannot be read now; what was put is of no use then. */
 bool iec61850_put_value(struct ber_writer *writer, const struct iec61850_model *model,
 			const struct iec61850_object *object);
