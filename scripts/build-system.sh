@@ -35,7 +35,7 @@ image_tool() {
 inputs() {
 	echo "$folder $name $gateway ${SITE_SETTINGS:-}"
 	{
-		find "$board"/{skeleton,rootfs-overlay} "$build/root/$gateway" -type f -print0
+		find "$board"/{skeleton,rootfs-overlay,"boards/$name"} "$build/root/$gateway" -type f -print0
 		printf '%s\0' "$build"/{root/packages.versions,busybox/busybox,chrony/inputs,linux/inputs,"dtb/$device_tree"} \
 			${update:+"$build/swupdate/inputs"} ${pull:+"$build/curl/inputs"}
 		printf '%s\0' "$board"/{system.toml,post-build.sh,place-macs.sh,system.fragment}

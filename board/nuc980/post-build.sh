@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 # post-build.sh [TARGET]: what Buildroot runs before it makes the file-system images. The settings of a site, from the
 # folder SITE_SETTINGS; configs/README.md names the files. Without TARGET it only checks them. NUC980_BOARD names the board, if it
-# is not the gateway.
+# is not the gateway; boards/NUC980_BOARD/interfaces are its addresses unless the site has some.
 set -euo pipefail
 shopt -s nullglob
 
 target=${1:-}
 tree=$(realpath -e "$(dirname "$0")/../..")
+board=${NUC980_BOARD:-gateway}
 site=${SITE_SETTINGS:-}
 
 fail() {
@@ -77,7 +78,7 @@ check_update_server() {
 name_site() {
 	[ -f "$site/update.pem" ] || return 0
 	install -D -m 644 "$site/update.pem" "$target/etc/openrtu/update.pem"
-	echo "nuc980-${NUC980_BOARD:-gateway} ${site##*/}" >"$target/etc/hwrevision"
+	echo "nuc980-$board ${site##*/}" >"$target/etc/hwrevision"
 }
 
 check_site() {
@@ -116,6 +117,10 @@ name_image
 
 # Buildroot's own would make a key of each kind, on the root and before rtud: S85sshd does not.
 rm -f "$target/etc/init.d/S50sshd"
+
+# Those of the overlay name both ports of the gateway.
+interfaces=$tree/board/nuc980/boards/$board/interfaces
+[ ! -f "$interfaces" ] || install -D -m 644 "$interfaces" "$target/etc/network/interfaces"
 
 # Where S15data mounts the data.
 install -d "$target/data"

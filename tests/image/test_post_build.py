@@ -157,9 +157,12 @@ def test_site_with_certificates_has_a_name(target: Path) -> None:
     assert not (target / "etc/hwrevision").exists()
 
 
-def test_other_board_has_a_name(target: Path) -> None:
+def test_other_board_has_a_name_and_its_own_ports(target: Path) -> None:
     assert build_site(target, "station-7", CERTIFICATE, "numaker").returncode == 0
     assert (target / "etc/hwrevision").read_text() == "nuc980-numaker station-7\n"
+    interfaces = (target / "etc/network/interfaces").read_text()
+    assert "auto eth0\n" in interfaces
+    assert "eth1" not in interfaces
 
 
 @pytest.mark.parametrize(

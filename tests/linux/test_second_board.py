@@ -73,4 +73,5 @@ def test_its_image_comes_onto_it_over_the_network(qemu: Path, tmp_path: Path) ->
     assert "emac1" not in said
     assert f"Machine model: {MODEL}" in said
     assert "emac0 eth0: Link is Up" in said
+    assert "can't find device" not in said
     assert TROUBLE.findall(said) == []
