@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Where images belong: from boot commands as boards have them, with bad blocks; and what is refused."""
 
+import subprocess
 import tomllib
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from nuc980.netboot.flash.layout import (
     layout_of,
     loader_slot,
 )
+from nuc980.netboot.uimage import partitions_of, read_tree
 
 ROOT = Path(__file__).parents[2]
 LIMITS = tomllib.loads((ROOT / "board/nuc980/boards/gateway/image-limits.toml").read_text())["flash"]
@@ -39,9 +41,10 @@ def layout(
     *bad: int,
     explicit: dict[str, tuple[int, int]] | None = None,
     partitions: tuple[Partition, ...] = (),
+    linux: tuple[Partition, ...] = (),
     **variables: str,
 ) -> Layout:
-    return layout_of({"bootcmd": bootcmd, **variables}, nand(*bad, partitions=partitions), explicit)
+    return layout_of({"bootcmd": bootcmd, **variables}, nand(*bad, partitions=partitions), explicit, linux)
 
 
 def place(slot: Slot | None) -> tuple[int, int, int] | None:
@@ -210,6 +213,38 @@ def test_root_is_the_boards_partition_but_never_the_tables() -> None:
     )  # fmt: skip
     with pytest.raises(LayoutUnknown, match="overlap"):
         layout(FACTORY, partitions=(Partition("rootfs", 0x300000, SIZE - 0x300000),))
+
+
+def test_root_is_where_the_new_device_tree_has_it() -> None:
+    """Of a board that is not the gateway, and whose U-Boot has no partitions."""
+    root = Partition("rootfs", 0x2000000, 0x1000000)
+    assert place(layout(FACTORY, linux=(PARTS[1], root)).ubi) == (0x2000000, 0x3000000, 0x1000000)
+    assert place(layout(FACTORY, partitions=PARTS, linux=PARTS).ubi) == place(
+        layout(FACTORY, partitions=PARTS).ubi
+    )
+
+
+def test_uboot_and_device_tree_that_disagree_on_the_root_are_refused() -> None:
+    """Linux would not find there what was written: nothing is erased until somebody says where."""
+    root = Partition("rootfs", 0x2000000, 0x1000000)
+    with pytest.raises(
+        LayoutUnknown, match=r"0x1600000, the device tree's partition rootfs at 0x2000000"
+    ) as why:
+        layout(FACTORY, partitions=PARTS, linux=(root,))
+    assert "--ubi-at" in str(why.value)
+    found = layout(FACTORY, partitions=PARTS, linux=(root,), explicit={UBI: (0x2000000, 0x1000000)})
+    assert place(found.ubi) == (0x2000000, 0x3000000, 0x1000000)
+
+
+@pytest.mark.parametrize("board", ["gateway", "numaker"])
+def test_partitions_of_a_boards_device_tree(board: str, tmp_path: Path) -> None:
+    tree = tmp_path / "board.dtb"
+    source = ROOT / f"dts/nuvoton/nuc980-{board}.dts"
+    subprocess.run([ROOT / "scripts/build-dtb.sh", source, tree], check=True, capture_output=True)
+    found = {partition.name: partition for partition in partitions_of(read_tree(tree))}
+    limits = tomllib.loads((ROOT / f"board/nuc980/boards/{board}/image-limits.toml").read_text())["flash"]
+    for limit in (limits["kernel"], limits["root"]):
+        assert found[limit["label"]] == Partition(limit["label"], limit["offset"], limit["size"])
 
 
 def test_boot_loaders_place_wants_good_blocks() -> None:

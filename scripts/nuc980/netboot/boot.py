@@ -7,7 +7,7 @@ when there are none, and UBI writes by itself as soon as it is attached.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -21,7 +21,7 @@ from nuc980.netboot.linux import Goal, LinuxWatch
 from nuc980.netboot.plan import Plan, SetVariable, Step
 from nuc980.netboot.session import TFTP_PORT, Network, Session
 from nuc980.netboot.steps import Load, Slice
-from nuc980.netboot.uimage import UImage, check_place, read_tree, read_uimage
+from nuc980.netboot.uimage import UImage, check_place, flash_nodes, read_tree, read_uimage
 
 HEADER = UImage.LAYOUT.size
 COMMAND_LINE_SIZE = 1024  # of a kernel for ARM, with the closing zero
@@ -123,7 +123,6 @@ def _without_macs(arguments: str) -> str:
 
 
 TREE_GROWTH = 4096  # what the arguments and addresses add
-FLASH = "nuvoton,nuc980-fmi"  # compatible with
 
 
 def tree_for(tree: libfdt.Fdt, arguments: str, macs: Sequence[str], *, flash: bool = False) -> bytes:
@@ -141,19 +140,10 @@ def tree_for(tree: libfdt.Fdt, arguments: str, macs: Sequence[str], *, flash: bo
         if path is not None:
             own.setprop(own.path_offset(path), "local-mac-address", bytes.fromhex(mac.replace(":", "")))
     if not flash:
-        for node in _flash_nodes(own):
+        for node in flash_nodes(own):
             own.setprop_str(node, "status", "disabled")
     own.pack()
     return bytes(own.as_bytearray())
-
-
-def _flash_nodes(tree: libfdt.Fdt) -> Iterator[int]:
-    """The offsets of the flash's controllers; what is written into one moves only those behind it."""
-    node, depth = 0, 0
-    while node >= 0 and depth >= 0:
-        if tree.hasprop(node, "compatible") and FLASH in tree.getprop(node, "compatible").as_stringlist():
-            yield node
-        node, depth = tree.next_node(node, depth, libfdt.QUIET_NOTFOUND)
 
 
 # ---- the plan

@@ -5,13 +5,14 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
 import libfdt
 
+from nuc980.netboot.board import Partition
 from nuc980.netboot.errors import UnusableImage
 from nuc980.netboot.limits import ENTRY
 
@@ -90,6 +91,35 @@ def read_tree(path: Path) -> libfdt.Fdt:
     if tree.subnode_offset(0, "images", libfdt.QUIET_NOTFOUND) >= 0:
         raise _another(path, data, "a device tree")
     return tree
+
+
+FLASH = "nuvoton,nuc980-fmi"  # compatible with
+
+
+def flash_nodes(tree: libfdt.Fdt) -> Iterator[int]:
+    """The offsets of the flash's controllers; what is written into one moves only those behind it."""
+    node, depth = 0, 0
+    while node >= 0 and depth >= 0:
+        if tree.hasprop(node, "compatible") and FLASH in tree.getprop(node, "compatible").as_stringlist():
+            yield node
+        node, depth = tree.next_node(node, depth, libfdt.QUIET_NOTFOUND)
+
+
+def partitions_of(tree: libfdt.Fdt) -> tuple[Partition, ...]:
+    """Linux' partitions of the flash: beside each other in the controller's node, or in one of their own."""
+    return tuple(
+        Partition(tree.getprop(node, "label").as_str(), *tree.getprop(node, "reg").as_uint32_list())
+        for controller in flash_nodes(tree)
+        for node in _below(tree, controller)
+        if tree.hasprop(node, "label") and tree.hasprop(node, "reg") and len(tree.getprop(node, "reg")) == 8
+    )
+
+
+def _below(tree: libfdt.Fdt, parent: int) -> Iterator[int]:
+    node, depth = tree.next_node(parent, 0, libfdt.QUIET_NOTFOUND)
+    while node >= 0 and depth > 0:
+        yield node
+        node, depth = tree.next_node(node, depth, libfdt.QUIET_NOTFOUND)
 
 
 # ---- what else it may be

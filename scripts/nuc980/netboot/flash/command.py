@@ -57,6 +57,7 @@ from nuc980.netboot.flash.through_linux import NEEDS, Place, checked, plan_linux
 from nuc980.netboot.plan import Plan, SetVariable, Step
 from nuc980.netboot.run import Run
 from nuc980.netboot.session import Network, Session
+from nuc980.netboot.uimage import partitions_of, read_tree
 
 PLACES = {KERNEL: "kernel", DEVICE_TREE: "dtb", UBI: "ubi"}  # options
 NEWEST = Path()  # --resume without a folder
@@ -306,7 +307,8 @@ class Flash:
                 for name, option in PLACES.items()
                 if (place := getattr(self.parsed, f"{option}_at")) is not None
             }
-            layout = layout_of(self.board.environment, self.nand, explicit)
+            linux = partitions_of(read_tree(files[DEVICE_TREE])) if DEVICE_TREE in files else ()
+            layout = layout_of(self.board.environment, self.nand, explicit, linux)
             slots = {name: layout.slot(name) for name in files}
             for note in layout.notes:
                 self.session.progress.note(note)

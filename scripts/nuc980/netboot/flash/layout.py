@@ -4,11 +4,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
-from nuc980.netboot.board import TABLE_BLOCKS, Nand
+from nuc980.netboot.board import TABLE_BLOCKS, Nand, Partition
 from nuc980.netboot.errors import DoesNotFit, LayoutUnknown
 from nuc980.netboot.limits import ROOT_OFFSET, ROOT_SIZE
 
@@ -121,11 +121,16 @@ def loader_slot(nand: Nand) -> Slot:
 
 
 def layout_of(
-    environment: Mapping[str, str], nand: Nand, explicit: Mapping[str, tuple[int, int]] | None = None
+    environment: Mapping[str, str],
+    nand: Nand,
+    explicit: Mapping[str, tuple[int, int]] | None = None,
+    linux: Sequence[Partition] = (),
 ) -> Layout:
-    """The slots of a board with this environment. explicit: offset and size of slots, by name.
+    """The slots of a board with this environment.
 
-    Raises LayoutUnknown for slots that overlap each other or U-Boot's own.
+    explicit: offset and size of slots, by name. linux: the partitions of the device tree that is to be
+    written. Raises LayoutUnknown for slots that overlap each other or U-Boot's own, and when U-Boot and that
+    tree do not agree on the place of UBI.
     """
     explicit = explicit or {}
     slots: dict[str, Slot] = {}
@@ -135,7 +140,8 @@ def layout_of(
     except LayoutUnknown as error:
         unknown = error.what
     else:
-        slots[UBI] = _ubi_slot(nand)
+        if UBI not in explicit:
+            slots[UBI] = _ubi_slot(nand, linux)
     slots |= {name: Slot(name, at, at + size, size) for name, (at, size) in explicit.items()}
     for name in (KERNEL, DEVICE_TREE, UBI):
         if name in slots:
@@ -328,13 +334,19 @@ def _hex(word: str) -> int:
 # ---- UBI
 
 
-def _ubi_slot(nand: Nand) -> Slot:
-    """The board's partition for UBI; without one, that of the device tree."""
+def _ubi_slot(nand: Nand, linux: Sequence[Partition]) -> Slot:
+    """The partition for UBI that U-Boot and the new device tree name; without one, that of the gateway."""
     last = nand.size - TABLE_BLOCKS * nand.block
-    named = [partition for partition in nand.partitions if partition.name in UBI_PARTITIONS]
-    if named:
-        offset, size = named[0].offset, named[0].size
-    else:
-        offset, size = ROOT_OFFSET, ROOT_SIZE
-    end = min(offset + size, last)
-    return Slot(UBI, offset, end, end - offset)
+    named, ours = (
+        [partition for partition in partitions if partition.name in UBI_PARTITIONS]
+        for partitions in (nand.partitions, linux)
+    )
+    if named and ours and named[0].offset != ours[0].offset:
+        raise LayoutUnknown(
+            f"U-Boot's partition {named[0].name} begins at {named[0].offset:#x}, the device tree's partition"
+            f" {ours[0].name} at {ours[0].offset:#x}.",
+            next_step="--ubi-at OFFSET+SIZE says where Linux will look for it",
+        )
+    found = [*named, *ours, Partition(UBI, ROOT_OFFSET, ROOT_SIZE)][0]
+    end = min(found.offset + found.size, last)
+    return Slot(UBI, found.offset, end, end - found.offset)
