@@ -559,28 +559,33 @@ test-native: build .asan fuzzers qemu uboot centre-page build/packages-deb.done 
 test-changed: $(VENV) ## Test: what a change can reach, and why (BASE=commit: since that one)
 	$(PYTHON) tests/changed.py $(BASE)
 
-# The kernels and the images are built while the first parts run, in the time that their tests wait, and give way to them
-# (nice). What both need is built before, by one make. Of the downloads and the configuring, which wait as well, two run at a
-# time. The tests themselves run one part after another: two cores with more than four workers make tests late.
+# Two things run beside each other. First the parts that compile, with the kernels and the images in the time that their
+# tests wait (nice); then test-native, which waits half of its time, with test-linux, which fills a core for each guest.
+# What several of them need is built before, by one make. Of the downloads and the configuring, which wait as well, two run
+# at a time.
 SHARED     := build qemu uboot centre-page build/packages-deb.done build/packages-centre.done build/sysroot.ini \
   build/gpsd/done build/chronyd/done build/mibs/done
 ONLY_LINUX := linux build/boards/numaker/u-boot/done build/swupdate/done build/curl/done $(SYSTEM_PARTS) build/root/gateway-tls.done
-PARTS      := lint unit asan cross fuzzers test-sanitizers test-native
+PARTS      := lint unit asan cross fuzzers test-sanitizers
 
 test: $(VENV) ## Test: all but soak, test-debug-kernel, test-offline; then what it cost
 	rm -rf build/times
-	mkdir -p build/log; failed=; parts=; begun=0; \
+	mkdir -p build/log; failed=; parts=; begun=0; linux=; native=; \
 	ended() { parts+="$$(printf '\n%6d s  %s' $$((SECONDS - begun)) "$$1")"; begun=$$SECONDS; }; \
 	$(MAKE) --jobs 2 $(SHARED) $(TESTED) || failed+=" build"; ended build; \
+	trap 'kill -- $${linux:+-$$linux} $${native:+-$$native} 2> /dev/null || true' EXIT; \
 	set -m; { nice $(MAKE) --jobs 2 $(ONLY_LINUX) && nice $(MAKE) image-debian lab; } \
 	  > build/log/test-linux-build.log 2>&1 & linux=$$!; set +m; \
-	trap 'kill -- -$$linux 2> /dev/null || true' EXIT; \
 	echo "test: builds $(ONLY_LINUX) beside the first parts; log: build/log/test-linux-build.log"; \
 	for part in $(PARTS); do \
 	  $(MAKE) $$part || failed+=" $$part"; ended $$part; \
 	done; \
+	set -m; $(MAKE) test-native > build/log/test-native.log 2>&1 & native=$$!; set +m; \
+	echo "test: runs test-native beside test-linux; log: build/log/test-native.log"; \
 	wait $$linux || tail -n 40 build/log/test-linux-build.log; ended "rest of test-linux's builds"; \
 	$(MAKE) test-linux || failed+=" test-linux"; ended test-linux; \
+	tail -n +1 -f --pid=$$native build/log/test-native.log; \
+	wait $$native || failed+=" test-native"; ended "rest of test-native"; \
 	$(PYTHON) tests/times.py $$(find build/times -name '*.json' 2> /dev/null); \
 	echo "the parts:$$parts"; \
 	[ -z "$$failed" ] || { echo "make test: failed:$$failed" >&2; exit 1; }
