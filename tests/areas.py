@@ -66,7 +66,7 @@ REACH = [
     ("docs/figures/*", "tests/pins/test_picture.py tests/netboot/test_netboot_docs.py"),
     ("docs/goose.md", "tests/test_goose*.py"),
     ("docs/web.md", "tests/test_docs_commands.py"),
-    ("docs/snmp.md", "tests/test_snmp.py"),
+    ("docs/snmp.md", "tests/test_snmp*.py"),
     ("docs/examples/snmp/*", "tests/test_snmp.py"),
     ("docs/iec61850.md", "tests/test_iec61850*.py"),
     ("docs/conformance-61850.md", "tests/test_iec61850_conformance.py"),
@@ -121,7 +121,7 @@ REACH = [
     ),
     ("scripts/block-plots.py", "lint tests/test_logic_blocks.py"),
     ("scripts/scl.py", "lint tests/test_iec61850_cid.py"),
-    ("scripts/snmp-keys.py", "lint tests/test_snmp.py"),
+    ("scripts/snmp-keys.py", "lint tests/test_snmp*.py"),
     ("scripts/web-users.py", "lint tests/test_web.py tests/centre/test_web_page.py"),
     (
         "scripts/openrtu-logic",
@@ -131,7 +131,7 @@ REACH = [
     ("scripts/lab/twin_show.py", "test-twin"),
     (
         "scripts/lab/manager.py",
-        "lint tests/test_snmp.py tests/test_reload.py tests/test_reload_running.py tests/test_show.py "
+        "lint tests/test_snmp*.py tests/test_reload.py tests/test_reload_running.py tests/test_show.py "
         "tests/test_same_events.py "
         "tests/linux/test_system_tls.py",
     ),
@@ -193,6 +193,8 @@ REACH = [
     ("tests/logic_reference.py", "tests/test_logic.py tests/test_logic_findings.py"),
     ("tests/logic_findings.py", "tests/test_logic.py tests/test_logic_findings.py"),
     ("tests/fuzzing.py", "tests/test_fuzz.py"),
+    ("tests/snmp.py", "tests/test_snmp*.py"),
+    ("tests/web.py", "tests/test_reload*.py tests/test_web.py tests/centre/test_web_page.py"),
     ("tests/fixtures/corpus/*", "tests/test_fuzz.py"),
     ("tests/fixtures/*", DESK),
     ("tests/netboot/*", "lint test-netboot test-linux"),
