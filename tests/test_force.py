@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from desk import Desk, gateway_on_lines
+from desk import Desk, gateway_on_lines, patience
 from lab.gateway import Gateway
 from lab.master import Master
 
@@ -21,7 +21,7 @@ WAIT_S = 60.0
 def configuration(force_max_s: int | None) -> dict[str, Any]:
     slave = {
         "id": 10,
-        "response_timeout_min_ms": 500,
+        **patience(),
         "probe_max_s": 1,
         "input_registers": [
             {"address": 0, "name": "level", "type": "scaled"},

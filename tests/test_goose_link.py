@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from desk import gateway_on_lines
+from desk import gateway_on_lines, patience
 from lab.gateway import Gateway
 from lab.linesim import LineSim
 from lab.master import Monitor
@@ -43,7 +43,7 @@ BURST, FLOODS = 32, 10  # that an APPID is listened to at once, and that a flood
 
 def configuration(interface: str) -> dict[str, Any]:
     inputs = [{"address": number} for number in range(INPUTS)]
-    slave = {"id": 5, "response_timeout_min_ms": 500, "discrete_inputs": inputs}
+    slave = {"id": 5, **patience(), "discrete_inputs": inputs}
     pace = {"baud_rate": 115200, "data_bits": 8, "stop_bits": 1, "parity": 0}
     bay = {"name": "bay", "control_block": OWN, "data_set": "GW1LD0/LLN0$bay", "app_id": OWN_APP_ID}
     relay = subscription("relay", RELAY, RELAY_DATA, RELAY_APP_ID, 300)

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from iec61850 import ClientReport, IedConnection, RcbWriteMask, TriggerOptions
 
-from desk import Substation, gateway_on_lines
+from desk import Substation, gateway_on_lines, patience
 from lab.gateway import free_port
 from peers import mms
 from peers.mms import DONE, Client, element
@@ -23,7 +23,7 @@ INVALID, BUSY = (0x80, b"\x0b"), (0x80, b"\2")
 
 
 def configuration(port: int) -> dict[str, Any]:
-    slave = {"id": 5, "discrete_inputs": [{"address": i} for i in range(INPUTS)]}
+    slave = {"id": 5, **patience(), "discrete_inputs": [{"address": i} for i in range(INPUTS)]}
     pace = {"baud_rate": 38400, "data_bits": 8, "stop_bits": 1, "parity": 0}
     return {
         "iec61850": {"address": "127.0.0.1", "port": port, "report_buffer": KEPT},

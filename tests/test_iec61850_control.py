@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from desk import Substation, gateway_on_lines
+from desk import Substation, gateway_on_lines, patience
 from lab.gateway import free_port
 from lab.linesim import Frame
 from lab.operator import operate
@@ -33,7 +33,7 @@ SELECT_S = 30  # a client on a busy host may take its time between selection and
 def configuration(port: int) -> dict[str, Any]:
     coils = [{"address": 0}, {"address": 2, "type": "double", "select": True}, {"address": 5}]
     registers = [{"address": 0, "step": 10, "min": -20, "max": 35}, {"address": 4, "type": "bitstring"}]
-    slave = {"id": 5, "response_timeout_ms": 1000, "coils": coils, "holding_registers": registers}
+    slave = {"id": 5, **patience(1000), "coils": coils, "holding_registers": registers}
     pace = {"baud_rate": 38400, "data_bits": 8, "stop_bits": 1, "parity": 0}
     return {
         "iec104": {"connections_per_address": 8},

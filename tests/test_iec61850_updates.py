@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from iec61850 import FC, IedConnection
 
-from desk import Substation, gateway_on_lines
+from desk import Substation, gateway_on_lines, patience
 from lab.gateway import free_port
 from peers import mms
 from peers.mms import DONE, Client, element
@@ -32,7 +32,10 @@ def configuration(port: int) -> dict[str, Any]:
     level = {"address": 0, "type": "scaled", "signed": True, "name": "level", "deadband": 50}
     chosen = {"triggers": ["dchg"], "options": ["reasonCode"]}
     blocks = [{"name": "urcbRange"} | chosen, {"name": "brcbRange", "buffered": True} | chosen]
-    slaves = [{"id": 5, "input_registers": registers}, {"id": 6, "input_registers": [level]}]
+    slaves = [
+        {"id": 5, **patience(), "input_registers": registers},
+        {"id": 6, **patience(), "input_registers": [level]},
+    ]
     pace = {"baud_rate": 38400, "data_bits": 8, "stop_bits": 1, "parity": 0}
     return {
         "iec61850": {

@@ -12,7 +12,7 @@ from typing import Any
 import c104
 import pytest
 
-from desk import Desk, gateway_on_lines
+from desk import Desk, gateway_on_lines, patience
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.master import Master
 from lab.raw_master import ACTIVATION_CON, ACTIVATION_TERM, TIME_TAGGED, RawMaster
@@ -72,7 +72,7 @@ def configuration(folder: Path) -> dict[str, Any]:
     pace = {"baud_rate": 19200, "data_bits": 8, "stop_bits": 1, "parity": 0}
     slave = {
         "id": 10,
-        "response_timeout_min_ms": 500,
+        **patience(),
         "probe_max_s": 1,
         "coils": [{"address": BREAKER, "name": "breaker"}, {"address": PUMP, "name": "pump", "select": True}],
         "discrete_inputs": [{"address": EARTHED, "name": "bay1.earthed"}, {"address": SPIN, "name": "spin"}],

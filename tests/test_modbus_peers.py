@@ -13,6 +13,7 @@ import c104
 import pytest
 
 from capture import recorded
+from desk import patience
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.master import Master, Report
 from peers.device import BAUD_RATE, FIRST_ADDRESS, UNIT, Device
@@ -76,7 +77,7 @@ OBJECTS: dict[str, list[dict[str, Any]]] = {
 def gateway_config(listening: dict[str, int]) -> dict[str, Any]:
     """The same device on each port. listening: the TCP ports of 127.0.0.1, by make."""
     serial = {"active": 1, "baud_rate": BAUD_RATE, "data_bits": 8, "stop_bits": 1, "parity": 0}
-    slaves = [{"id": UNIT, "response_timeout_ms": PATIENCE_MS, **OBJECTS}]
+    slaves = [{"id": UNIT, **patience(PATIENCE_MS), **OBJECTS}]
     ports = [{"value": port, **serial, "slaves": slaves} for port in SERIAL_PORTS.values()]
     for make, port in TCP_PORTS.items():
         host = {"host": "127.0.0.1", "tcp_port": listening[make]}

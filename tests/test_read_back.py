@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from desk import Substation, everything_read, gateway_on_lines
+from desk import Substation, everything_read, gateway_on_lines, patience
 from lab.linesim import Frame
 from lab.raw_master import RawMaster
 
@@ -27,7 +27,7 @@ READ, WRITE = 3, 6
 
 def configuration() -> dict[str, Any]:
     registers = [{"address": AT_ONCE}, {"address": IN_TURN, "read_back": False}]
-    slave = {"id": 5, "period_ms": PERIOD_MS, "holding_registers": registers}
+    slave = {"id": 5, **patience(), "period_ms": PERIOD_MS, "holding_registers": registers}
     pace = {"baud_rate": 19200, "data_bits": 8, "stop_bits": 1, "parity": 0}
     return {"iec104": {}, "port": [{"value": 1, "active": 1, **pace, "slaves": [slave]}]}
 

@@ -12,6 +12,7 @@ import c104
 import pytest
 
 from capture import recorded
+from desk import patience
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.master import Master, Report
 from peers.device import UNIT
@@ -83,7 +84,7 @@ def configuration(port: int) -> dict[str, Any]:
         "template": "sunspec-103",
         "overrides": {"W": {"deadband": 5}},
         "period_ms": 100,
-        "response_timeout_ms": PATIENCE_MS,
+        **patience(PATIENCE_MS),
         HOLDING: [
             {"address": SETPOINT, "type": "float", "format": "int16", "scale_register": SETPOINT_SF}
             | {"ioa": IOA_SETPOINT, "name": "setpoint"},

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from desk import gateway_on_lines
+from desk import gateway_on_lines, patience
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from logic.binary import encode
 from logic.compile import compile_text
@@ -301,7 +301,7 @@ def chain(directory: Path) -> dict[str, Any]:
     """line1 -> watcher, watcher -(2)-> counter."""
     slave = {
         "id": 10,
-        "response_timeout_min_ms": 500,
+        **patience(),
         "probe_max_s": 1,
         "input_registers": [{"address": 0, "name": "level.number", "type": "scaled"}],
     }

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from capture import recorded
-from desk import everything_read
+from desk import everything_read, patience
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.linesim import LineSim
 from lab.master import Master
@@ -159,7 +159,7 @@ def initial() -> dict[str, dict[str, dict[str, int]]]:
 def master(programs: Path) -> Iterator[Master]:
     """A controlling station before a gateway whose one line has a device of each template."""
     port = {"value": 1, "active": 1, "baud_rate": 115200, "data_bits": 8, "stop_bits": 1, "parity": 0}
-    patient = {"response_timeout_ms": PATIENCE_MS, "response_timeout_min_ms": PATIENCE_MS}
+    patient = patience(PATIENCE_MS)
     slaves = [{"id": unit, "template": name, "ca": CA + unit} | patient for name, unit in UNITS.items()]
     for slave, name in zip(slaves, UNITS, strict=True):
         slave["name_prefix"] = f"{name}/"

@@ -12,6 +12,7 @@ import c104
 import pytest
 
 from capture import recorded
+from desk import patience
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.master import Master, Report
 from peers.device import UNIT
@@ -80,7 +81,7 @@ def bench(programs: Path) -> Iterator[Bench]:
             "id": UNIT,
             "ca": CA,
             "ioa_offset": i * OFFSET,
-            "response_timeout_ms": PATIENCE_MS,
+            **patience(PATIENCE_MS),
             **OBJECTS,
         }
         tcp = {"value": 7 + i, "active": 1, "host": "127.0.0.1", "tcp_port": port}

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from desk import Substation, gateway_on_lines
+from desk import Substation, gateway_on_lines, patience
 from lab.gateway import free_port, run_directory
 from peers.authority import give_to_station, openssl
 
@@ -39,7 +39,7 @@ def make_user(file: Path, name: str, role: str, password: str = PASSWORD) -> Non
 def configuration(folder: Path, port: int, *, secure: bool = True, **keys: Any) -> dict[str, Any]:
     slave = {
         "id": 10,
-        "response_timeout_min_ms": 500,
+        **patience(),
         "probe_max_s": 1,
         "coils": [
             {"address": 0, "name": "breaker", "type": "single", "select": True},

@@ -181,6 +181,15 @@ def at_prompt(board: Board) -> Iterator[Session]:
             yield Session(console, Progress(nowhere))
 
 
+@contextmanager
+def stopped(qemu: Path, uboot: Path, nand: NandImage) -> Iterator[Board]:
+    """Switched on, and at its prompt: what is tried there does not depend on being quick at a start."""
+    with switched_on(qemu, uboot, nand) as board:
+        with at_prompt(board):
+            pass
+        yield board
+
+
 def copy(image: NandImage, target: Path) -> NandImage:
     shutil.copyfile(image.path, target)
     return NandImage(target)

@@ -19,7 +19,16 @@ from pathlib import Path
 import libfdt
 import pytest
 
-from netboot.flashbench import BLOCK, at_prompt, changed_blocks, copy, options, switched_on, uimage
+from netboot.flashbench import (
+    BLOCK,
+    at_prompt,
+    changed_blocks,
+    copy,
+    options,
+    stopped,
+    switched_on,
+    uimage,
+)
 from netboot.ports import free_port
 from nuc980.netboot.cli import main
 from nuc980.netboot.environment import read_environment
@@ -338,7 +347,7 @@ def cut_after(flash: Flash, seconds: float) -> str:
 
 
 def test_marks_are_written_and_read(flash: Flash, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    with switched_on(flash.qemu, flash.uboot, flash.nand) as board:
+    with stopped(flash.qemu, flash.uboot, flash.nand) as board:
         tool = ["--port", board.port, "--site", str(tmp_path / "site")]
         assert main(["slots", "--try", "b", *tool]) == 0
         assert "B, 3 attempts left" in capsys.readouterr().out
@@ -354,7 +363,7 @@ def test_update_of_the_other_slot(flash: Flash, files: Path, tmp_path: Path) -> 
     flash.trial("b", "reset")
     before = copy(flash.nand, tmp_path / "before")
     site = tmp_path / "site"
-    with switched_on(flash.qemu, flash.uboot, flash.nand) as board:
+    with stopped(flash.qemu, flash.uboot, flash.nand) as board:
         assert install(board, files, site, "--slot", "a") == 2
         assert flash.nand.path.read_bytes() == before.path.read_bytes()
         assert install(board, files, site, "--slot", "b") == 0
@@ -370,7 +379,7 @@ def test_slot_that_would_not_boot_is_not_marked(
 ) -> None:
     flash.nand.write(page_at(PLACES["b"].kernel.offset) + 100, flash.palette["used"][0])
     before = copy(flash.nand, tmp_path / "before")
-    with switched_on(flash.qemu, flash.uboot, flash.nand) as board:
+    with stopped(flash.qemu, flash.uboot, flash.nand) as board:
         for option in ("--try", "--base"):
             assert main(["slots", option, "b", "--port", board.port, "--site", str(tmp_path / "site")]) == 1
             assert "it has no whole kernel" in capsys.readouterr().err
