@@ -133,9 +133,7 @@ TRANSFORMER = {
 
 def site_gateway(port: int, directory: Path, programs: Path) -> Gateway:
     """Its lines have no devices, and one module no program: names and types need none."""
-    gateway = Gateway(listening_on(site_config(port), free_port()), directory, programs)
-    gateway.absent = frozenset(["transformer"])
-    return gateway
+    return Gateway(listening_on(site_config(port), free_port()), directory, programs)
 
 
 @pytest.fixture(scope="module")
