@@ -15,7 +15,7 @@ from urllib.request import urlopen
 import c104
 import pytest
 
-from desk import Desk, gateway_on_lines
+from desk import Desk, gateway_on_lines, patience
 from lab.gateway import GatewayError, free_port
 from lab.manager import CENTRE, USERS, Manager, free_udp_port, make_keys
 from lab.master import Master
@@ -38,7 +38,7 @@ def base() -> Config:
     coils = [{"address": LAMP, "name": "lamp"}, {"address": BREAKER, "type": "double", "select": True}]
     slave = {"id": 5, "coils": coils, "input_registers": [{"address": LEVEL, "name": "level"}]}
     # a device that a busy host delays is not dead: its value would be told twice
-    slave |= {"response_timeout_ms": PATIENCE_MS, "response_timeout_min_ms": PATIENCE_MS}
+    slave |= patience(PATIENCE_MS)
     pace = {"baud_rate": 38400, "data_bits": 8, "stop_bits": 1, "parity": 0}
     return {
         "iec104": {"connections_per_address": 8},
