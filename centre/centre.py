@@ -55,7 +55,7 @@ class Centre:
             getattr(self.model, kind).update(getattr(self.intake.model, kind))
         self.watchers: set[Watcher] = set()
         self.fault = ""  # why nothing can be stored now
-        self.ending = False  # a database that does not work then is not waited for
+        self.ending = False  # nothing more is stored: what is stranded then, the next start ends
         self._sockets: dict[int, socket.socket] = {}  # by shard of rtu-centre
         self._ids = count(REQUEST_IDS)
         self._tasks: set[asyncio.Task[None]] = set()
@@ -121,8 +121,6 @@ class Centre:
             try:
                 await self.change(work)
             except StoreError as error:
-                if self.ending:
-                    raise
                 self._say(str(error))
                 await asyncio.sleep(AGAIN_S)
             else:
@@ -198,8 +196,9 @@ class Centre:
                 self.traces = {
                     id_: trace for id_, trace in self.traces.items() if not polled(self.model.stations[id_])
                 }
-                await self._store(lambda database: self.intake.stranded(database, polled))
-                self._notify()
+                if not self.ending:
+                    await self._store(lambda database: self.intake.stranded(database, polled))
+                    self._notify()
         raise CentreError("it has ended, or has another consumer")
 
     @staticmethod

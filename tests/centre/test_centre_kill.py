@@ -147,6 +147,30 @@ def test_database_that_takes_nothing_holds_the_events_back(
     stations.do(station.stop())
 
 
+@contextlib.contextmanager
+def restarted(site: Site) -> Iterator[None]:
+    """The centre's connection is to the server as it was before; nothing has been asked over it since."""
+    with gone(site):
+        pass
+    yield
+
+
+def test_centre_ends_though_nothing_can_be_stored(
+    programs: Path, stations: Stations, server: Server | None, tmp_path: Path
+) -> None:
+    station = stations.station()
+    with Site(programs, tmp_path, [described(station, tmp_path)], users=("vera",), server=server) as site:
+        for trouble in (gone, restarted) if server else (locked,):
+            client = site.client("vera")
+            until(lambda client=client: client.get("/api/stations")[0]["link"] == 3, "connected")
+            with trouble(site):
+                assert site.centre
+                site.centre.send_signal(signal.SIGTERM)
+                assert site.centre.wait(LIMIT_S) == 0, site.log()
+            site.start_centre()
+    stations.do(station.stop())
+
+
 def test_killed_shard_strands_its_own_commands_only(
     programs: Path, stations: Stations, tmp_path: Path
 ) -> None:
