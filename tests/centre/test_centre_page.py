@@ -615,6 +615,17 @@ def test_engineer_manages_users_by_keys_alone(engineer: Page, site: Site) -> Non
     expect(row).to_have_count(0)
 
 
+def test_groups_are_offered_though_the_stream_has_told_nothing(browser: Browser, site: Site) -> None:
+    """Without them a user that is saved sees all stations."""
+    context = browser.new_context(locale="en-GB")
+    context.route_web_socket("**/api/stream", lambda _: None)
+    page = context.new_page()
+    log_in(page, site.port, "emil", PASSWORD, "users")
+    page.get_by_role("button", name="Add user").press("Enter")
+    expect(page.locator("dialog").get_by_label(EVIL)).to_be_visible()
+    context.close()
+
+
 def test_engineer_reads_the_audit(engineer: Page, site: Site) -> None:
     client = site.client("olga")
     station = next(each["id"] for each in client.get("/api/stations") if each["name"] == "north")

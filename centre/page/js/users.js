@@ -12,8 +12,9 @@ const DAY_MS = 86400000;
 
 // ---- users ---------------------------------------------------------------------------------------
 
-function groupsOf(user) {
-  const known = [...live.stations.values()].map((station) => station.group).filter(Boolean);
+// Asked for: what the page is told by itself may not have come yet, and a user without groups sees all.
+async function groupsOf(user) {
+  const known = (await live.ask("stations")).map((station) => station.group).filter(Boolean);
   return [...new Set([...known, ...(user?.groups ?? [])])].sort();
 }
 
@@ -31,12 +32,12 @@ function check(text, checked) {
 }
 
 // One's own role stays, so that there is always an engineer: another one takes it.
-function userDialogue(user, done) {
+function userDialogue(user, known, done) {
   const myself = user?.name === live.session.user;
   const name = h("input", { required: true, maxLength: 64, autocomplete: "off", disabled: Boolean(user) });
   name.value = user?.name ?? "";
   const role = h("select", { disabled: myself }, ...ROLES.map((each) => h("option", { value: each, selected: each === (user?.role ?? "viewer") }, t(each))));
-  const groups = groupsOf(user).map((group) => check(group, Boolean(user?.groups.includes(group))));
+  const groups = known.map((group) => check(group, Boolean(user?.groups.includes(group))));
   const scope = h("fieldset", {}, h("legend", {}, t("scope")), ...groups.map((each) => each.element), h("span", { class: "muted" }, t("scope_none")));
   const fresh = password(false);
   fresh.required = !user;
@@ -85,13 +86,15 @@ function userTable(place) {
   const failure = h("p", { class: "error", role: "alert" });
   place.append(h("section", { class: "card" },
     h("div", { class: "row" }, h("h2", { class: "grow" }, t("users")), failure,
-      h("button", { class: "small main", onclick: () => userDialogue(null, show) }, t("user_add"))),
+      h("button", { class: "small main", onclick: () => open(null) }, t("user_add"))),
     h("div", { class: "scroll" }, h("table", {}, h("thead", {}, h("tr", {}, ...["name", "role_name", "scope", "state", ""].map((key) => h("th", {}, key ? t(key) : "")))), body))));
+  const failed = (error) => setText(failure, t("failed", { error: error.message }));
+  const open = (user) => groupsOf(user).then((groups) => userDialogue(user, groups, show), failed);
   async function show() {
-    const users = await live.ask("users").catch((error) => setText(failure, t("failed", { error: error.message })));
+    const users = await live.ask("users").catch(failed);
     body.replaceChildren(...(users ?? []).map((user) => h("tr", {}, h("td", {}, user.name), h("td", {}, t(user.role)),
       h("td", {}, user.groups.join(", ") || t("scope_all")), h("td", {}, user.disabled ? state("none", t("disabled")) : state("good", t("enabled"))),
-      h("td", { class: "act" }, h("button", { class: "small", onclick: () => userDialogue(user, show) }, t("change"))))));
+      h("td", { class: "act" }, h("button", { class: "small", onclick: () => open(user) }, t("change"))))));
   }
   show();
   return () => {};
@@ -131,6 +134,6 @@ function auditTable(place) {
 }
 
 export function showUsers(main, _number, tab) {
-  live.look({ view: "alarms" }); // links and names of all stations are told with it
+  live.look({ view: "alarms" }); // of no point: the page's head needs no more
   return tabs(main, { users: userTable, audit: auditTable }, tab);
 }
