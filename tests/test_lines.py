@@ -67,11 +67,11 @@ class WildPort:
         self._gone.clear()
         self._thread = threading.Thread(target=self._serve, args=(slave,))
         self._thread.start()
-        self._link.unlink(missing_ok=True)
         self._link.symlink_to(device)
 
     def unplug(self) -> None:
-        """The gateway's side of the pseudo-terminal hangs up."""
+        """The gateway's side of the pseudo-terminal hangs up. Its number may be another process's next."""
+        self._link.unlink(missing_ok=True)
         self._gone.set()
         if self._thread is not None:
             self._thread.join()

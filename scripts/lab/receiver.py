@@ -60,12 +60,15 @@ class Receiver:
         self.side, line = pty.openpty()
         tty.setraw(line)
         Path(os.ttyname(line)).chmod(0o666)  # rtu-gps is a user of its own
-        self.path.unlink(missing_ok=True)
         self.path.symlink_to(os.ttyname(line))
         os.close(line)
 
     def unplug(self) -> None:
-        """Who has the line open reads that it is over."""
+        """Who has the line open reads that it is over.
+
+        The name goes first: the pty's number will soon be that of another process's pty.
+        """
+        self.path.unlink()
         os.close(self.side)
 
     def say(self, octets: bytes) -> None:
