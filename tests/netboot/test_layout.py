@@ -224,11 +224,21 @@ def test_root_is_where_the_new_device_tree_has_it() -> None:
     )
 
 
+def test_root_is_no_longer_than_the_new_device_tree_has_it() -> None:
+    """U-Boot's may be: Linux would not find the end of an image that needs it."""
+    uboot, linux = (Partition("rootfs", 0x2000000, size) for size in (0x1000000, 0x800000))
+    assert place(layout(FACTORY, partitions=(PARTS[1], uboot), linux=(linux,)).ubi) == (
+        0x2000000, 0x2800000, 0x800000
+    )  # fmt: skip
+    with pytest.raises(LayoutUnknown, match=r"rootfs has 0x800000 bytes at 0x2000000, .* 0x1000000 at"):
+        layout(FACTORY, partitions=(PARTS[1], linux), linux=(uboot,))
+
+
 def test_uboot_and_device_tree_that_disagree_on_the_root_are_refused() -> None:
     """Linux would not find there what was written: nothing is erased until somebody says where."""
     root = Partition("rootfs", 0x2000000, 0x1000000)
     with pytest.raises(
-        LayoutUnknown, match=r"0x1600000, the device tree's partition rootfs at 0x2000000"
+        LayoutUnknown, match=r"0x1600000, the device tree's partition rootfs 0x1000000 at 0x2000000"
     ) as why:
         layout(FACTORY, partitions=PARTS, linux=(root,))
     assert "--ubi-at" in str(why.value)

@@ -334,19 +334,26 @@ def _hex(word: str) -> int:
 # ---- UBI
 
 
+def _ubi_partition(partitions: Sequence[Partition], last: int) -> Partition | None:
+    """Up to the tables of bad blocks."""
+    for partition in partitions:
+        if partition.name in UBI_PARTITIONS:
+            return replace(partition, size=min(partition.size, last - partition.offset))
+    return None
+
+
 def _ubi_slot(nand: Nand, linux: Sequence[Partition]) -> Slot:
-    """The partition for UBI that U-Boot and the new device tree name; without one, that of the gateway."""
+    """The partition for UBI of the new device tree, else of U-Boot, else of the gateway.
+
+    Raises LayoutUnknown when U-Boot's is not there, or shorter: nothing tells what lies behind it.
+    """
     last = nand.size - TABLE_BLOCKS * nand.block
-    named, ours = (
-        [partition for partition in partitions if partition.name in UBI_PARTITIONS]
-        for partitions in (nand.partitions, linux)
-    )
-    if named and ours and named[0].offset != ours[0].offset:
+    named, ours = (_ubi_partition(partitions, last) for partitions in (nand.partitions, linux))
+    if named and ours and (named.offset != ours.offset or named.size < ours.size):
         raise LayoutUnknown(
-            f"U-Boot's partition {named[0].name} begins at {named[0].offset:#x}, the device tree's partition"
-            f" {ours[0].name} at {ours[0].offset:#x}.",
+            f"U-Boot's partition {named.name} has {named.size:#x} bytes at {named.offset:#x}, the device"
+            f" tree's partition {ours.name} {ours.size:#x} at {ours.offset:#x}.",
             next_step="--ubi-at OFFSET+SIZE says where Linux will look for it",
         )
-    found = [*named, *ours, Partition(UBI, ROOT_OFFSET, ROOT_SIZE)][0]
-    end = min(found.offset + found.size, last)
-    return Slot(UBI, found.offset, end, end - found.offset)
+    found = ours or named or Partition(UBI, ROOT_OFFSET, min(ROOT_SIZE, last - ROOT_OFFSET))
+    return Slot(UBI, found.offset, found.offset + found.size, found.size)
