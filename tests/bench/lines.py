@@ -269,9 +269,12 @@ def read(lines: LineSim, pids: list[int], seconds: float) -> Reading:
     began_ns, stats_before, used_ns_before, switched_before = counters()
     time.sleep(seconds)
     ended_ns, stats, used_ns, switched = counters()
+    requests = counted("requests")
+    if not all(requests.values()):
+        raise BenchError(f"requests by port: {requests}: the machine is too busy")
     return Reading(
         (ended_ns - began_ns) / 1e9,
-        counted("requests"),
+        requests,
         {port: busy_ns / 1e9 for port, busy_ns in counted("busy_ns").items()},
         (used_ns - used_ns_before) / 1e9,
         switched - switched_before,
