@@ -397,7 +397,7 @@ def test_host_that_does_not_answer_delays_nobody(programs: Path) -> None:
                 return bool(counters(gateway, 7)["port_errors"] >= 2)
 
             gateway.wait_for(tried_twice, 2 * RECONNECT_S, "it was tried twice")
-            # A busy host tears a frame of the serial line now and then; who is held up is not fresh for long.
+            # A busy host tears a frame of the serial line now and then; a call that blocks costs minutes.
             assert looks.count(True) > len(looks) / 2
             assert {module["restarts"] for module in gateway.modules().values()} == {0}
             assert all_are(gateway, "p7.*", "invalid")

@@ -86,15 +86,15 @@ function userTable(place) {
   const failure = h("p", { class: "error", role: "alert" });
   place.append(h("section", { class: "card" },
     h("div", { class: "row" }, h("h2", { class: "grow" }, t("users")), failure,
-      h("button", { class: "small main", onclick: () => open(null) }, t("user_add"))),
+      h("button", { class: "small main", onclick: () => edit(null) }, t("user_add"))),
     h("div", { class: "scroll" }, h("table", {}, h("thead", {}, h("tr", {}, ...["name", "role_name", "scope", "state", ""].map((key) => h("th", {}, key ? t(key) : "")))), body))));
   const failed = (error) => setText(failure, t("failed", { error: error.message }));
-  const open = (user) => groupsOf(user).then((groups) => userDialogue(user, groups, show), failed);
+  const edit = (user) => groupsOf(user).then((groups) => userDialogue(user, groups, show), failed);
   async function show() {
     const users = await live.ask("users").catch(failed);
     body.replaceChildren(...(users ?? []).map((user) => h("tr", {}, h("td", {}, user.name), h("td", {}, t(user.role)),
       h("td", {}, user.groups.join(", ") || t("scope_all")), h("td", {}, user.disabled ? state("none", t("disabled")) : state("good", t("enabled"))),
-      h("td", { class: "act" }, h("button", { class: "small", onclick: () => open(user) }, t("change"))))));
+      h("td", { class: "act" }, h("button", { class: "small", onclick: () => edit(user) }, t("change"))))));
   }
   show();
   return () => {};
