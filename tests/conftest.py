@@ -13,6 +13,7 @@ from xdist.remote import Producer
 from xdist.scheduler import LoadFileScheduling
 
 import capture
+import search_path
 from areas import AREAS, area_of
 from desk import Desk, chapter_5, desk_of
 from lab.turns import take_short_turns
@@ -104,6 +105,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> FileByF
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    search_path.complete_own()
     config.pluginmanager.register(Times())
     take_short_turns()
     # A run in the background, or under nohup, ignores these, and so would all that the tests start.

@@ -4,15 +4,18 @@
 import os
 import re
 import socket
-from collections.abc import Iterator
+import subprocess
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from subprocess import TimeoutExpired
 
 import pytest
 
+import search_path
 from lab import ports, verdict
 from lab.errors import LabError
 from lab.gateway import Gateway, GatewayError, listening_on, remove, run_directory
-from lab.verdict import Verdict, run
+from lab.verdict import NO_CAUSE, Verdict, run
 from nuc980.netboot.errors import NoOutput
 
 
@@ -60,12 +63,63 @@ def test_without_advice_the_show_looks_for_the_cause(
     ]
 
 
-def test_busy_machine_is_a_cause(
-    show: Verdict, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+@pytest.fixture
+def busy(show: Verdict, monkeypatch: pytest.MonkeyPatch) -> Verdict:
+    """Of a show on a machine with more to do than it can."""
     monkeypatch.setattr(os, "getloadavg", lambda: (12.2, 0.0, 0.0))
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
-    assert "this machine is too busy (load 12 on 2 processors)" in fails(show, LabError("x"), capsys)[2]
+    return show
+
+
+@pytest.mark.parametrize("error", [LabError("x", late=True), TimeoutError(), TimeoutExpired(["x"], 1)])
+def test_busy_machine_is_a_cause_where_time_ran_out(
+    busy: Verdict, error: Exception, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "this machine is too busy (load 12 on 2 processors)" in fails(busy, error, capsys)[2]
+
+
+def start(program: str) -> None:
+    subprocess.run([program], check=True)
+
+
+def listen_twice() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as first:
+        socket.create_server(first.getsockname())
+
+
+@pytest.mark.parametrize(
+    ("act", "cause"),
+    [
+        (
+            lambda: start("no-such-program"),
+            "no-such-program is not installed; type: scripts/setup-packages.sh scripts/packages.txt",
+        ),
+        (lambda: start(__file__), f"this user may not use {__file__}"),
+        (listen_twice, "another program has this port"),
+        (lambda: Path("/no/such/file").read_text(), NO_CAUSE),
+    ],
+)
+def test_what_the_machine_refuses_is_the_cause_not_its_load(
+    busy: Verdict, act: Callable[[], None], cause: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(OSError) as caught:
+        act()
+    assert (
+        fails(busy, caught.value, capsys)[2] == f"probably: {cause}; to try again, type: make run PORT=2405"
+    )
+
+
+@pytest.mark.parametrize(
+    ("path", "completed"),
+    [
+        ("/usr/local/bin:/usr/bin:/bin:/usr/games", "/usr/local/bin:/usr/bin:/bin:/usr/games:{}"),
+        ("/usr/sbin:/usr/bin", "/usr/sbin:/usr/bin:/usr/local/sbin:/sbin"),
+        ("", "{}"),
+    ],
+)
+def test_programs_are_found_where_debian_puts_them(path: str, completed: str) -> None:
+    """Debian gives a user the first of these."""
+    assert search_path.complete(path) == completed.format("/usr/local/sbin:/usr/sbin:/sbin")
 
 
 def test_cause_and_next_step_of_netboot_are_said(show: Verdict, capsys: pytest.CaptureFixture[str]) -> None:

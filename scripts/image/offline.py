@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import search_path
 from nuc980.errors import UnusableInput
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -228,7 +229,7 @@ def stands_in(name: str, package: Mapping[str, Any], table: Table) -> bool:
 
 
 def find_program(name: str) -> str:
-    path = shutil.which(name, path="/usr/local/bin:/usr/bin:/bin:/usr/sbin:/sbin")
+    path = shutil.which(name, path=search_path.complete("/usr/local/bin:/usr/bin:/bin"))
     if path is None:
         raise UnusableInput(
             f"this machine has no {name}", next_step="make setup, or see scripts/packages-offline.txt"

@@ -183,7 +183,9 @@ class Ssh:
                 check=False,
             )
         except subprocess.TimeoutExpired:
-            raise GatewayError(f"on the board, '{command}' did not end within {patience:.0f} s") from None
+            raise GatewayError(
+                f"on the board, '{command}' did not end within {patience:.0f} s", late=True
+            ) from None
         if done.returncode:
             output = done.stderr.strip() or done.stdout.strip()
             raise GatewayError(f"on the board, '{command}' ended with {done.returncode}: {output}")

@@ -151,7 +151,7 @@ class Show:
         end = time.monotonic() + DEADLINE_S
         while not (something := found(self.client.get(path))):
             if time.monotonic() > end:
-                raise NotSeenError(f"not within {DEADLINE_S:.0f} s: {what}", expected=what)
+                raise NotSeenError(f"not within {DEADLINE_S:.0f} s: {what}", expected=what, late=True)
             time.sleep(0.2)
         return something
 
@@ -218,7 +218,7 @@ def start_centre(
             break
         except (OSError, AnswerError) as error:
             if time.monotonic() > end:
-                raise NotSeenError(f"the centre does not answer: {error}") from error
+                raise NotSeenError(f"the centre does not answer: {error}", late=True) from error
             time.sleep(0.1)
     say()
     say(f"   The control centre:  http://127.0.0.1:{port}")

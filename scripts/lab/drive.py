@@ -114,7 +114,7 @@ def _centre(directory: Path, address: tuple[str, int]) -> Iterator[socket.socket
                 deadline = Deadline(ANSWER_S)
                 while consumer.connect_ex(str(path)) != 0:
                     if process.poll() is not None or deadline.over:
-                        raise LabError("rtu-centre does not take its consumer")
+                        raise LabError("rtu-centre does not take its consumer", late=deadline.over)
                     time.sleep(0.05)
                 yield consumer
         finally:

@@ -149,7 +149,7 @@ class Rtu(ABC):
             self.check_up()
             if deadline.over:
                 seen = f"not within {deadline.waited:.0f} s"
-                raise GatewayError(f"{seen}: {what}\n{self.log()}", expected=what, seen=seen)
+                raise GatewayError(f"{seen}: {what}\n{self.log()}", expected=what, seen=seen, late=True)
             now = deadline.waited
             time.sleep(max(0.005, 2 * (now - asked), min(now / 10, PAUSE_MAX_S)))
             asked = deadline.waited
@@ -206,7 +206,9 @@ class Gateway(Rtu):
         except subprocess.TimeoutExpired:
             self.process.kill()
             self.process.wait()
-            raise GatewayError(f"rtud did not stop within {STOP_TIMEOUT_S} s\n{self.log()}") from None
+            raise GatewayError(
+                f"rtud did not stop within {STOP_TIMEOUT_S} s\n{self.log()}", late=True
+            ) from None
         self._check_sanitizers()
         return code
 

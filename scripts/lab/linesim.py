@@ -174,7 +174,10 @@ class LineSim:
             self._socket.sendall(text.encode() + b"\n")
             answer = self._answers.get(timeout=ANSWER_TIMEOUT_S)
         except (OSError, queue.Empty) as error:
-            raise LineSimError(f"no answer to `{text}`: linesim hangs or is gone ({error!r})") from error
+            raise LineSimError(
+                f"no answer to `{text}`: linesim hangs or is gone ({error!r})",
+                late=isinstance(error, queue.Empty),
+            ) from error
         if answer is None:
             raise LineSimError(f"no answer to `{text}`: linesim closed the control socket")
         word, _, rest = answer.partition(" ")
@@ -239,7 +242,7 @@ class LineSim:
                 if deadline.over:
                     last = self._records[-1].frame.text if self._records else "none"
                     raise LineSimError(
-                        f"no such frame within {deadline.waited:.0f} s; the last one was: {last}"
+                        f"no such frame within {deadline.waited:.0f} s; the last one was: {last}", late=True
                     )
                 self._news.wait(min(LOOK_S, deadline.left))
 

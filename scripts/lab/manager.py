@@ -15,6 +15,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from lab.errors import LabError
 from lab.patience import Deadline
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -258,7 +259,8 @@ class Receiver:
             fitting = [each for each in self.notifications() if each.name == name and wanted(each)]
             if len(fitting) >= count:
                 return fitting
-            assert not deadline.over, f"{len(fitting)} of {count} {name}"
+            if deadline.over:
+                raise LabError(f"{len(fitting)} of {count} {name}", late=True)
             time.sleep(0.02)
 
 

@@ -201,6 +201,7 @@ class Monitor:
                         f"{seen}: {what or 'the wanted report'}; since then:\n{listed}",
                         expected=what,
                         seen=f"{seen}; the last other report: {others[-1].text if others else 'none'}",
+                        late=True,
                     )
                 self._arrived.wait(min(LOOK_S, deadline.left))
 
@@ -278,7 +279,7 @@ class Monitor:
                     if wanted(asdu):
                         return asdu
                 if deadline.over:
-                    raise MasterError(f"no answer within {deadline.waited:.0f} s")
+                    raise MasterError(f"no answer within {deadline.waited:.0f} s", late=True)
                 self._arrived.wait(min(LOOK_S, deadline.left))
 
     def _settled(self, collect: Callable[[], list[Report]], quiet_s: float = 0.1) -> list[Report]:
@@ -365,5 +366,5 @@ def _wait(condition: Callable[[], bool], timeout_s: float, message: str) -> None
     deadline = Deadline(timeout_s)
     while not condition():
         if deadline.over:
-            raise MasterError(message)
+            raise MasterError(message, late=True)
         time.sleep(0.01)

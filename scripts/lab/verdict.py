@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import datetime
+import errno
 import os
 import signal
 import subprocess
@@ -15,6 +16,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import search_path
 from lab.errors import LabError
 from lab.gateway import REPOSITORY
 from lab.turns import take_short_turns
@@ -25,6 +27,7 @@ LINE = 160  # characters of what was seen; the file has all of it
 BUSY = 1.5  # waiting processes for each processor
 ENDS_S = 1.0
 PATIENCE_S = 60.0  # with what is asked and does not answer
+INSTALL = "scripts/setup-packages.sh scripts/packages.txt"
 NO_CAUSE = "a fault of the gateway or of the show itself"
 
 
@@ -80,7 +83,8 @@ class Verdict:
         elif isinstance(error, NetbootError):
             seen, advice = first_line(error.what), "; ".join(filter(None, (error.cause, error.next_step)))
         if not advice:
-            causes = "; ".join(filter(None, (self.found, busy()))) or NO_CAUSE
+            load = busy() if ran_out_of_time(error) else ""
+            causes = "; ".join(filter(None, (known_cause(error), self.found, load))) or NO_CAUSE
             advice = f"{causes}; to try again, type: {self.command}"
         return [
             f"expected: {expected}",
@@ -105,6 +109,7 @@ class Verdict:
 def run(verdict: Verdict, show: Callable[[], None]) -> int:
     """The exit code of a show, and what it did not see. Who ends it ends all that it has started."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    search_path.complete_own()
     take_short_turns()
     verdict.file.unlink(missing_ok=True)
     try:
@@ -133,6 +138,23 @@ def section(title: str, text: str) -> str:
 def first_line(text: str) -> str:
     line = text.strip().partition("\n")[0]
     return line if len(line) <= LINE else f"{line[:LINE]}…"
+
+
+def known_cause(error: Exception) -> str:
+    """What this machine itself says of it: a program that is missing, a right, a port. Else ""."""
+    match error:
+        case FileNotFoundError(filename=str(name)) if "/" not in name:  # a file is looked for by its path
+            return f"{name} is not installed; type: {INSTALL}"
+        case PermissionError(filename=str(name)):
+            return f"this user may not use {name}"
+        case OSError(errno=errno.EADDRINUSE):
+            return "another program has this port"
+    return ""
+
+
+def ran_out_of_time(error: Exception) -> bool:
+    late = error.late if isinstance(error, LabError) else False
+    return late or isinstance(error, (TimeoutError, subprocess.TimeoutExpired))
 
 
 def busy() -> str:
