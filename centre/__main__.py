@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""python -m centre: the control centre. docs/control-centre.md.
+"""python -m openrtu_tools.centre: the control centre. docs/control-centre.md.
 
 Exit codes: 0 done, 1 the centre could not do it, 2 wrong usage.
 """
@@ -17,14 +17,14 @@ from pathlib import Path
 
 from aiohttp import web
 
-from centre import higher, settings, users
-from centre.api import ROUTES
-from centre.centre import Centre
-from centre.certificate import renew, tls_context
-from centre.database import open_store
-from centre.errors import CentreError
-from centre.push import Pusher
-from centre.web import Server
+from openrtu_tools.centre import higher, settings, users
+from openrtu_tools.centre.api import ROUTES
+from openrtu_tools.centre.centre import Centre
+from openrtu_tools.centre.certificate import renew, tls_context
+from openrtu_tools.centre.database import open_store
+from openrtu_tools.centre.errors import CentreError
+from openrtu_tools.centre.push import Pusher
+from openrtu_tools.centre.web import Server
 
 PAGE = Path(__file__).resolve().parent.parent / "build" / "centre" / "page"
 
@@ -52,7 +52,7 @@ async def serve(what: settings.Settings, page: Path) -> None:
         if what.tls and secured:
             working.append(asyncio.create_task(renew(what.tls, secured)))
         if what.mqtt:
-            from centre.bus import Bus  # who has no broker needs no paho
+            from openrtu_tools.centre.bus import Bus  # who has no broker needs no paho
 
             working.append(asyncio.create_task(Bus(centre, what.mqtt).run()))
         if what.push:
@@ -86,7 +86,9 @@ def give_token(what: settings.Settings, name: str, label: str, days: float) -> N
     store = open_store(what.database, alone=False)
     try:
         if not store.transaction(lambda database: users.exists(database, name)):
-            raise CentreError(f"there is no user {name}: `python -m centre FILE user {name}` adds one")
+            raise CentreError(
+                f"there is no user {name}: `python -m openrtu_tools.centre FILE user {name}` adds one"
+            )
         print(store.transaction(lambda database: users.begin(database, name, label, days * 86400)))
     finally:
         store.close()
@@ -101,7 +103,9 @@ def give_station(what: settings.Settings) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m centre", description=__doc__.partition("\n\n")[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m openrtu_tools.centre", description=__doc__.partition("\n\n")[0]
+    )
     parser.add_argument(
         "file", type=Path, help="the centre's file: stations, and what the centre knows of them"
     )

@@ -14,14 +14,14 @@ from typing import Any
 
 from aiohttp import web
 
-from centre import formats, users
-from centre.errors import RefusedError, StoreError
-from centre.formats import Place, Writer, moment
-from centre.intake import COMMAND_COLUMNS
-from centre.model import NS_PER_MS, Alarm, Command, Json
-from centre.records import INVALID
-from centre.store import Row, audit
-from centre.web import HEADERS, Asked, Route
+from openrtu_tools.centre import formats, users
+from openrtu_tools.centre.errors import RefusedError, StoreError
+from openrtu_tools.centre.formats import Place, Writer, moment
+from openrtu_tools.centre.intake import COMMAND_COLUMNS
+from openrtu_tools.centre.model import NS_PER_MS, Alarm, Command, Json
+from openrtu_tools.centre.records import INVALID
+from openrtu_tools.centre.store import Row, audit
+from openrtu_tools.centre.web import HEADERS, Asked, Route
 
 log = logging.getLogger("centre")
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from centre.errors import CentreError
+from openrtu_tools.centre.errors import CentreError
 
 EARTH_M = 6_371_008.8  # its mean radius
 

@@ -20,10 +20,10 @@ from paho.mqtt.enums import CallbackAPIVersion
 from paho.mqtt.properties import Properties
 from paho.mqtt.subscribeoptions import SubscribeOptions
 
-from centre.centre import Centre
-from centre.errors import CentreError, RefusedError
-from centre.model import NS_PER_MS, Changes, Json
-from centre.settings import Mqtt
+from openrtu_tools.centre.centre import Centre
+from openrtu_tools.centre.errors import CentreError, RefusedError
+from openrtu_tools.centre.model import NS_PER_MS, Changes, Json
+from openrtu_tools.centre.settings import Mqtt
 
 log = logging.getLogger("centre")
 

@@ -14,16 +14,16 @@ from functools import partial
 from itertools import count
 from typing import Any, Protocol, TypeVar
 
-from centre import records
-from centre.database import open_store
-from centre.errors import CentreError, RefusedError, StoreError
-from centre.intake import Intake
-from centre.keep import Keeper
-from centre.model import Alarm, Changes, Command, Json, Model, Point, Station
-from centre.records import ENDED, Ask, Result, State
-from centre.settings import Keep, Settings
-from centre.store import Database, audit
-from centre.trace import STATIONS_MOST, Trace
+from openrtu_tools.centre import records
+from openrtu_tools.centre.database import open_store
+from openrtu_tools.centre.errors import CentreError, RefusedError, StoreError
+from openrtu_tools.centre.intake import Intake
+from openrtu_tools.centre.keep import Keeper
+from openrtu_tools.centre.model import Alarm, Changes, Command, Json, Model, Point, Station
+from openrtu_tools.centre.records import ENDED, Ask, Result, State
+from openrtu_tools.centre.settings import Keep, Settings
+from openrtu_tools.centre.store import Database, audit
+from openrtu_tools.centre.trace import STATIONS_MOST, Trace
 
 Answer = TypeVar("Answer")
 log = logging.getLogger("centre")

@@ -7,8 +7,8 @@ import asyncio
 import logging
 import ssl
 
-from centre.errors import CentreError
-from centre.settings import Tls
+from openrtu_tools.centre.errors import CentreError
+from openrtu_tools.centre.settings import Tls
 
 log = logging.getLogger("centre")
 

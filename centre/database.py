@@ -5,14 +5,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from centre.sqlite import SqliteStore
-from centre.store import Store
+from openrtu_tools.centre.sqlite import SqliteStore
+from openrtu_tools.centre.store import Store
 
 
 def open_store(where: Path | str, alone: bool) -> Store:
     """Of a file, or of the address of a server. `alone`: it is the centre's own, for as long as it runs."""
     if isinstance(where, Path):
         return SqliteStore(where)
-    from centre.postgres import PostgresStore  # who has no server needs no asyncpg
+    from openrtu_tools.centre.postgres import PostgresStore  # who has no server needs no asyncpg
 
     return PostgresStore(where, alone)

@@ -8,10 +8,10 @@ from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
-from centre.errors import CentreError
-from centre.model import Json
-from centre.records import Content
-from centre.settings import Meaning, Settings, StationSettings
+from openrtu_tools.centre.errors import CentreError
+from openrtu_tools.centre.model import Json
+from openrtu_tools.centre.records import Content
+from openrtu_tools.centre.settings import Meaning, Settings, StationSettings
 
 PROGRAM = Path(__file__).resolve().parent / "run-station"
 MODULE = "centre"  # and of another common address than that of all, centre-CA

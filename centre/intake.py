@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterable
 from dataclasses import astuple, fields, replace
 from operator import attrgetter
 
-from centre.areas import Area, Areas
-from centre.model import Alarm, AlarmKey, Changes, Command, Model, Point, Station
-from centre.records import (
+from openrtu_tools.centre.areas import Area, Areas
+from openrtu_tools.centre.model import Alarm, AlarmKey, Changes, Command, Model, Point, Station
+from openrtu_tools.centre.records import (
     ENDED,
     INVALID,
     NOT_TOPICAL,
@@ -24,8 +24,8 @@ from centre.records import (
     Result,
     State,
 )
-from centre.settings import Meaning, StationSettings
-from centre.store import Database, EventRow, inserted, put
+from openrtu_tools.centre.settings import Meaning, StationSettings
+from openrtu_tools.centre.store import Database, EventRow, inserted, put
 
 SPONTANEOUS, REMOTE, LOCAL = 3, 11, 12  # causes of what is an event
 EVENTS = (SPONTANEOUS, REMOTE, LOCAL)

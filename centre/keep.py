@@ -7,10 +7,10 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
-from centre.areas import distance_m
-from centre.records import ENDED, INVALID
-from centre.settings import Keep
-from centre.store import Database, put
+from openrtu_tools.centre.areas import distance_m
+from openrtu_tools.centre.records import ENDED, INVALID
+from openrtu_tools.centre.settings import Keep
+from openrtu_tools.centre.store import Database, put
 
 ROWS_AT_ONCE = 2000
 DAY_NS = 86400 * 10**9

@@ -6,8 +6,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from centre.records import INVALID, Content, Link
-from centre.settings import Meaning, StationSettings
+from openrtu_tools.centre.records import INVALID, Content, Link
+from openrtu_tools.centre.settings import Meaning, StationSettings
 
 Json = dict[str, Any]
 NS_PER_MS = 1_000_000

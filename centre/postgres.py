@@ -17,8 +17,8 @@ from typing import Any, TypeVar
 
 import asyncpg
 
-from centre.errors import CentreError, StoreError
-from centre.store import READERS, Answer, Database, EventRow, Row, Store
+from openrtu_tools.centre.errors import CentreError, StoreError
+from openrtu_tools.centre.store import READERS, Answer, Database, EventRow, Row, Store
 
 T = TypeVar("T")
 

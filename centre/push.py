@@ -10,12 +10,12 @@ from collections import Counter
 
 import aiohttp
 
-from centre.centre import Centre
-from centre.errors import CentreError
-from centre.formats import FORMATS, Place
-from centre.model import Changes
-from centre.records import INVALID
-from centre.settings import Push
+from openrtu_tools.centre.centre import Centre
+from openrtu_tools.centre.errors import CentreError
+from openrtu_tools.centre.formats import FORMATS, Place
+from openrtu_tools.centre.model import Changes
+from openrtu_tools.centre.records import INVALID
+from openrtu_tools.centre.settings import Push
 
 log = logging.getLogger("centre")
 

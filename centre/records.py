@@ -7,7 +7,7 @@ import struct
 from dataclasses import dataclass
 from enum import IntEnum
 
-from centre.errors import CentreError
+from openrtu_tools.centre.errors import CentreError
 
 MAGIC = b"RTU1"
 HEADER = struct.Struct("<4sHHQ")

@@ -15,9 +15,9 @@ from typing import Any
 
 import jsonschema
 
-from centre.areas import Area
-from centre.errors import CentreError
-from centre.records import Content
+from openrtu_tools.centre.areas import Area
+from openrtu_tools.centre.errors import CentreError
+from openrtu_tools.centre.records import Content
 
 Json = dict[str, Any]
 

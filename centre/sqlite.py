@@ -11,8 +11,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from centre.errors import CentreError, StoreError
-from centre.store import READERS, Answer, Database, EventRow, Row, Store
+from openrtu_tools.centre.errors import CentreError, StoreError
+from openrtu_tools.centre.store import READERS, Answer, Database, EventRow, Row, Store
 
 BUSY_S = 30.0
 CACHE_KIB = 16 * 1024

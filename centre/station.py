@@ -19,10 +19,10 @@ from typing import Any
 import aiohttp
 from openrtu import Level, Module, Quality, Request, Result
 
-from centre import records
-from centre.higher import COMMAND_S, RELEASE_S
-from centre.model import NS_PER_MS, Json
-from centre.records import ENDED, Link, State
+from openrtu_tools.centre import records
+from openrtu_tools.centre.higher import COMMAND_S, RELEASE_S
+from openrtu_tools.centre.model import NS_PER_MS, Json
+from openrtu_tools.centre.records import ENDED, Link, State
 
 AGAIN_S = 1.0  # until the next attempt to reach the centre
 ASK_S = 0.1  # between two looks at a command
@@ -269,7 +269,8 @@ def main() -> None:
             points = Points(module)
         except (OSError, KeyError) as error:
             raise SystemExit(
-                f"centre.station: {error!r}: the configuration is that of `python -m centre FILE station`?"
+                f"centre.station: {error!r}: the configuration is not that of "
+                "`python -m openrtu_tools.centre FILE station`"
             ) from None
         points.below.start()
         for _ in module.scans():

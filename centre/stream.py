@@ -10,9 +10,9 @@ from typing import Any
 
 from aiohttp import WSMsgType, web
 
-from centre.centre import Centre
-from centre.model import Changes, Json, Point, Station
-from centre.users import Session
+from openrtu_tools.centre.centre import Centre
+from openrtu_tools.centre.model import Changes, Json, Point, Station
+from openrtu_tools.centre.users import Session
 
 PERIOD_S = 1.0
 MESSAGE_MOST = 4096  # a page says which view it shows, and nothing else

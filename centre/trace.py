@@ -7,9 +7,9 @@ import time
 from collections import deque
 from dataclasses import dataclass, field
 
-from centre.apdu import START, decode
-from centre.model import NS_PER_MS, Json
-from centre.records import GAP, SENT, Record
+from openrtu_tools.centre.apdu import START, decode
+from openrtu_tools.centre.model import NS_PER_MS, Json
+from openrtu_tools.centre.records import GAP, SENT, Record
 
 FRAMES_MOST = 500  # of a station
 STATIONS_MOST = 8  # at once

@@ -10,9 +10,9 @@ import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from centre.errors import RefusedError
-from centre.model import Station
-from centre.store import Database, Row, audit
+from openrtu_tools.centre.errors import RefusedError
+from openrtu_tools.centre.model import Station
+from openrtu_tools.centre.store import Database, Row, audit
 
 ROLES = ("viewer", "operator", "engineer")  # each may do what the ones before may
 PASSWORD_LEAST = 10

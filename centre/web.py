@@ -15,12 +15,12 @@ from typing import Any
 import jsonschema
 from aiohttp import web
 
-from centre import users
-from centre.centre import Centre
-from centre.errors import RefusedError, StoreError
-from centre.model import Point, Station
-from centre.stream import MESSAGE_MOST, Stream
-from centre.users import Session
+from openrtu_tools.centre import users
+from openrtu_tools.centre.centre import Centre
+from openrtu_tools.centre.errors import RefusedError, StoreError
+from openrtu_tools.centre.model import Point, Station
+from openrtu_tools.centre.stream import MESSAGE_MOST, Stream
+from openrtu_tools.centre.users import Session
 
 log = logging.getLogger("centre")
 

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from logic.cli import main as openrtu_logic
+from openrtu_tools.logic.cli import main as openrtu_logic
 
 FOLDER = Path(__file__).resolve().parents[1] / "docs/figures/blocks"
 LICENCE = "<!-- SPDX-License-Identifier: GPL-3.0-or-later -->\n"

@@ -114,15 +114,15 @@ REACH = [
     ("scripts/lab/roads.py", "lint test-centre"),
     # the tools
     (
-        "scripts/logic/*",
+        "scripts/openrtu_tools/logic/*",
         "tests/test_logic*.py tests/test_plant.py tests/test_retained.py tests/test_show.py"
         " tests/test_reload_settings.py tests/test_synch.py tests/test_docs_commands.py"
         " tests/test_event_journal.py",
     ),
     ("scripts/block-plots.py", "lint tests/test_logic_blocks.py"),
-    ("scripts/scl.py", "lint tests/test_iec61850_cid.py"),
-    ("scripts/snmp-keys.py", "lint tests/test_snmp*.py"),
-    ("scripts/web-users.py", "lint tests/test_web.py tests/centre/test_web_page.py"),
+    ("scripts/openrtu_tools/scl.py", "lint tests/test_iec61850_cid.py"),
+    ("scripts/openrtu_tools/snmp_keys.py", "lint tests/test_snmp*.py"),
+    ("scripts/openrtu_tools/web_users.py", "lint tests/test_web.py tests/centre/test_web_page.py"),
     (
         "scripts/openrtu-logic",
         "lint tests/test_logic.py tests/test_logic_findings.py tests/test_logic_gateway.py "

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the compiler of Structured Text says of a text, and types for such texts."""
 
-from logic.compile import compile_text
-from logic.errors import Findings
+from openrtu_tools.logic.compile import compile_text
+from openrtu_tools.logic.errors import Findings
 
 MODE = "TYPE mode : (OFF, RUN := 5, TRIP); other : (IDLE, RUN); END_TYPE "
 UNIT = "TYPE unit : STRUCT n : INT; v : ARRAY[1..3] OF REAL; END_STRUCT; END_TYPE "

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-import logic.cli
 import nuc980.netboot.cli
 import nuc980.pins.cli
+import openrtu_tools.logic.cli
 from lab.gateway import free_port, remove, run_directory
 from test_tree import PAGES, ROOT, code_of
 
@@ -55,7 +55,7 @@ def test_commands_and_options_of_rtuctl(programs: Path) -> None:
 TOOLS: dict[str, Callable[[Sequence[str]], int]] = {
     "nuc980-pins": nuc980.pins.cli.main,
     "nuc980-netboot": nuc980.netboot.cli.main,
-    "openrtu-logic": logic.cli.main,
+    "openrtu-logic": openrtu_tools.logic.cli.main,
 }
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`scripts/scl.py`: a CID that a tool has changed becomes the configuration, and hostile files do not."""
+"""scl.py: a CID that a tool has changed becomes the configuration, and hostile files do not."""
 
 import io
 import json
@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-import scl
+from openrtu_tools import scl
 
 POINTS = [
     {"name": "q0.position", "type": "double", "ioa": 1, "ln": "Q0XCBR1.Pos"},

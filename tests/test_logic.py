@@ -13,15 +13,15 @@ from pathlib import Path
 
 import pytest
 
-from logic.binary import encode
-from logic.cli import main
-from logic.compile import compile_text
-from logic.desk import Desk, Scan, Value, desk_command
-from logic.errors import Findings
-from logic.table import ANSWERS
-from logic.watch import named
 from logic_findings import MODE, UNIT, findings_of
 from logic_reference import INPUTS, Random, Reference, text_of
+from openrtu_tools.logic.binary import encode
+from openrtu_tools.logic.cli import main
+from openrtu_tools.logic.compile import compile_text
+from openrtu_tools.logic.desk import Desk, Scan, Value, desk_command
+from openrtu_tools.logic.errors import Findings
+from openrtu_tools.logic.table import ANSWERS
+from openrtu_tools.logic.watch import named
 
 ROOT = Path(__file__).resolve().parent.parent
 SECOND = 1_000_000

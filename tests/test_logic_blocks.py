@@ -19,10 +19,10 @@ import astral
 import astral.sun
 import pytest
 
-from logic.cli import main
-from logic.compile import compile_text, library
-from logic.desk import Desk, Value
-from logic.errors import Findings
+from openrtu_tools.logic.cli import main
+from openrtu_tools.logic.compile import compile_text, library
+from openrtu_tools.logic.desk import Desk, Value
+from openrtu_tools.logic.errors import Findings
 
 ROOT = Path(__file__).resolve().parent.parent
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)

@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 from jsonschema import Draft202012Validator
 
-from logic.binary import encode
-from logic.compile import compile_text
-from logic.errors import Findings
+from openrtu_tools.logic.binary import encode
+from openrtu_tools.logic.compile import compile_text
+from openrtu_tools.logic.errors import Findings
 
 ROOT = Path(__file__).resolve().parent.parent
 SCHEMA = json.loads((ROOT / "package/openrtu/src/rtud/config.schema.json").read_text())

@@ -8,17 +8,17 @@ from pathlib import Path
 
 import pytest
 
-from logic.binary import OPERATIONS
-from logic.cli import main
-from logic.compile import MESSAGE_OCTETS, MESSAGE_VALUES, compile_text
-from logic.desk import Value
-from logic.errors import Findings
-from logic.parser import KEYWORDS
-from logic.texts import OCTETS_MAX
-from logic.types import TYPES
-from logic.watch import Inside, Sight, named, page
 from logic_findings import MODE, UNIT, findings_of
 from logic_reference import text_of
+from openrtu_tools.logic.binary import OPERATIONS
+from openrtu_tools.logic.cli import main
+from openrtu_tools.logic.compile import MESSAGE_OCTETS, MESSAGE_VALUES, compile_text
+from openrtu_tools.logic.desk import Value
+from openrtu_tools.logic.errors import Findings
+from openrtu_tools.logic.parser import KEYWORDS
+from openrtu_tools.logic.texts import OCTETS_MAX
+from openrtu_tools.logic.types import TYPES
+from openrtu_tools.logic.watch import Inside, Sight, named, page
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from logic import recorded
-from logic.cli import main
+from openrtu_tools.logic import recorded
+from openrtu_tools.logic.cli import main
 
 SINGLE, DOUBLE, NORMALIZED, SCALED, FLOAT = 0, 1, 4, 5, 6  # enum map_type
 CA = 7000

@@ -11,7 +11,7 @@ import pytest
 
 from lab.gateway import Gateway, GatewayError, free_port, listening_on, remove, run_directory
 from lab.modules import EXAMPLES, PACKAGE, place, program
-from logic.cli import main
+from openrtu_tools.logic.cli import main
 
 LOGIC = EXAMPLES.parent / "logic"
 PATIENCE_S = 60.0

@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PLANT = ROOT / "docs/examples/plant.json"
 TEMPLATES = sorted((ROOT / "package/openrtu/src/templates").glob("*.json"))
 LISTED = [PLANT, ROOT / "docs/examples/every-key.json", ROOT / "tests/fixtures/chapter5/gateway.json"]
-POINTS = ROOT / "scripts/points.py"
+POINTS = ROOT / "scripts/openrtu_tools/points.py"
 LINE = {"active": 1, "baud_rate": 9600, "data_bits": 8, "stop_bits": 1, "parity": 0}
 METER = {
     "input_registers": [

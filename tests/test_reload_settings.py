@@ -16,9 +16,9 @@ from desk import Desk, gateway_on_lines
 from lab.gateway import Gateway, free_port, remove, run_directory
 from lab.master import Master
 from lab.raw_master import RawMaster, StationError
-from logic.binary import encode
-from logic.compile import compile_text
-from logic.errors import Findings
+from openrtu_tools.logic.binary import encode
+from openrtu_tools.logic.compile import compile_text
+from openrtu_tools.logic.errors import Findings
 from test_logic_gateway import CA as PROGRAM_CA
 from test_logic_gateway import (
     DEVICE,

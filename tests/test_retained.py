@@ -13,9 +13,9 @@ import pytest
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.modules import place, program
 from lab.raw_master import RawMaster
-from logic.binary import encode
-from logic.compile import compile_text
-from logic.errors import Findings
+from openrtu_tools.logic.binary import encode
+from openrtu_tools.logic.compile import compile_text
+from openrtu_tools.logic.errors import Findings
 from test_event_journal import cut_power
 from test_foreign_commands import ACT_CON, C_CS, cp56
 

@@ -15,9 +15,9 @@ import pytest
 
 from desk import gateway_on_lines, patience
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
-from logic.binary import encode
-from logic.compile import compile_text
-from logic.errors import Findings
+from openrtu_tools.logic.binary import encode
+from openrtu_tools.logic.compile import compile_text
+from openrtu_tools.logic.errors import Findings
 from test_foreign import PATIENCE_S, place, program
 
 pytestmark = pytest.mark.slow

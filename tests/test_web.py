@@ -466,7 +466,7 @@ def test_what_is_not_encrypted_stays_on_the_gateway(
 
 def users_tool(file: Path, *words: str, password: str = PASSWORD) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, ROOT / "scripts" / "web-users.py", file, *words],
+        [sys.executable, ROOT / "scripts/openrtu_tools/web_users.py", file, *words],
         input=f"{password}\n",
         capture_output=True,
         text=True,

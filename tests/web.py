@@ -29,7 +29,7 @@ WAIT_S = 60.0
 
 def make_user(file: Path, name: str, role: str, password: str = PASSWORD) -> None:
     subprocess.run(
-        [sys.executable, ROOT / "scripts" / "web-users.py", file, name, "--role", role],
+        [sys.executable, ROOT / "scripts/openrtu_tools/web_users.py", file, name, "--role", role],
         input=f"{password}\n",
         text=True,
         check=True,

@@ -161,11 +161,11 @@ class Show:
 
 def environment() -> dict[str, str]:
     rtud = os.environ.get("OPENRTU_RTUD", f"{default_build() / 'rtud' / 'rtud'}")
-    return {**os.environ, "PYTHONPATH": f"{REPOSITORY}", "OPENRTU_RTUD": rtud}
+    return {**os.environ, "PYTHONPATH": f"{REPOSITORY}/scripts", "OPENRTU_RTUD": rtud}
 
 
 def centre_command(file: Path, *words: str) -> list[str]:
-    return [sys.executable, "-m", "centre", f"{file}", *words]
+    return [sys.executable, "-m", "openrtu_tools.centre", f"{file}", *words]
 
 
 def told(file: Path, *words: str, stdin: str = "") -> str:

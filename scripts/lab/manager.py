@@ -187,7 +187,12 @@ def make_keys(config: dict[str, Any], folder: Path) -> None:
     (folder / "gateway.json").write_text(json.dumps(config))
     lines = [f"{user.name} {user.authentication} {user.encryption}" for user in USERS]
     (folder / "passphrases").write_text("\n".join(lines))
-    command = [sys.executable, ROOT / "scripts/snmp-keys.py", folder / "gateway.json", folder / "keys"]
+    command = [
+        sys.executable,
+        ROOT / "scripts/openrtu_tools/snmp_keys.py",
+        folder / "gateway.json",
+        folder / "keys",
+    ]
     command += ["--engine-id", ENGINE, "--passphrases", folder / "passphrases"]
     command += ["--sink", f"{config['snmp']['sinks'][0]['name']}={SINK_ENGINE}"]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)

@@ -45,7 +45,7 @@ from lab.manager import free_udp_port
 from lab.master import Master, Report
 from lab.modules import EXAMPLES, compiled, place, program
 from lab.verdict import Verdict, run
-from logic.cli import main as openrtu_logic
+from openrtu_tools.logic.cli import main as openrtu_logic
 
 CHAPTER_5 = REPOSITORY / "tests" / "fixtures" / "chapter5"
 STATION = 3067  # port 3, slave 67

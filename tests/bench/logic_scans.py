@@ -24,9 +24,9 @@ from stopwatch import Spread
 
 from bench import machine
 from lab.gateway import REPOSITORY, Gateway, GatewayError, default_build, remove, run_directory
-from logic.binary import encode
-from logic.compile import compile_text
-from logic.errors import Findings
+from openrtu_tools.logic.binary import encode
+from openrtu_tools.logic.compile import compile_text
+from openrtu_tools.logic.errors import Findings
 
 SOURCE = REPOSITORY / "package/openrtu/src"
 DRIVER = REPOSITORY / "tests/bench/scan_cost.c"

@@ -33,12 +33,12 @@ from bench import machine
 from lab.gateway import REPOSITORY, free_port
 
 sys.path.insert(0, str(REPOSITORY))
-from centre.database import open_store
-from centre.intake import SPONTANEOUS, Intake
-from centre.records import TAGGED, Content, Kind, Record
-from centre.settings import StationSettings
-from centre.sqlite import SqliteStore
-from centre.store import Store
+from openrtu_tools.centre.database import open_store
+from openrtu_tools.centre.intake import SPONTANEOUS, Intake
+from openrtu_tools.centre.records import TAGGED, Content, Kind, Record
+from openrtu_tools.centre.settings import StationSettings
+from openrtu_tools.centre.sqlite import SqliteStore
+from openrtu_tools.centre.store import Store
 
 TRANSACTION = 4096  # records: what the centre takes at most
 USER, PASSWORD = "bench", "correct horse battery"
@@ -146,8 +146,10 @@ def configuration(count: int, port: int, of_rtus: int, folder: Path) -> Path:
 
 
 def told(file: Path, *words: str, stdin: str = "") -> str:
-    command = [sys.executable, "-m", "centre", file, *words]
-    done = subprocess.run(command, input=stdin, cwd=REPOSITORY, capture_output=True, text=True, check=False)
+    command = [sys.executable, "-m", "openrtu_tools.centre", file, *words]
+    done = subprocess.run(
+        command, input=stdin, cwd=REPOSITORY / "scripts", capture_output=True, text=True, check=False
+    )
     if done.returncode:
         raise PollError(done.stderr.strip())
     return done.stdout
@@ -206,8 +208,8 @@ def running(count: int, port: int, folder: Path, kind: str = "h") -> Iterator[tu
         (folder / "rtu-centre.json").write_text(told(file, "collector"))
         quiet: Any = {"stderr": subprocess.DEVNULL}
         collector = subprocess.Popen([PROGRAM, folder / "rtu-centre.json"], **quiet)
-        serving = [sys.executable, "-m", "centre", file, "serve"]
-        centre = subprocess.Popen(serving, cwd=REPOSITORY, **quiet)
+        serving = [sys.executable, "-m", "openrtu_tools.centre", file, "serve"]
+        centre = subprocess.Popen(serving, cwd=REPOSITORY / "scripts", **quiet)
         try:
             yield collector.pid, centre.pid
         finally:

@@ -22,12 +22,12 @@ from unittest import mock
 
 import aiohttp
 
-from centre.database import open_store
-from centre.settings import load
-from centre.users import put
 from lab.centre_client import LIMIT_S, AnswerError, Client
 from lab.gateway import free_port
 from lab.vehicles import Station
+from openrtu_tools.centre.database import open_store
+from openrtu_tools.centre.settings import load
+from openrtu_tools.centre.users import put
 from postgres import Server
 
 HANG_S = 300.0  # on a busy host PostgreSQL is asked a few times a second only, for each event
@@ -104,7 +104,7 @@ class Site:
         self.file.write_text(json.dumps(content))
         self.environment = {
             **os.environ,
-            "PYTHONPATH": str(ROOT),
+            "PYTHONPATH": str(ROOT / "scripts"),
             "OPENRTU_RTUD": str(programs / "rtud" / "rtud"),
         }
         self.program = programs / "centre" / "rtu-centre"
@@ -121,7 +121,7 @@ class Site:
 
     def run(self, *words: str, stdin: str = "") -> str:
         done = subprocess.run(
-            [sys.executable, "-m", "centre", self.file, *words],
+            [sys.executable, "-m", "openrtu_tools.centre", self.file, *words],
             input=stdin, capture_output=True, text=True, env=self.environment, timeout=LIMIT_S, check=False,
         )  # fmt: skip
         assert done.returncode == 0, done.stderr
@@ -137,7 +137,7 @@ class Site:
     def start_centre(self) -> None:
         log = (self.folder / "centre.log").open("a")
         page = ("--page", str(self.page)) if self.page else ()
-        command = [sys.executable, "-m", "centre", str(self.file), "serve", *page]
+        command = [sys.executable, "-m", "openrtu_tools.centre", str(self.file), "serve", *page]
         self.centre = subprocess.Popen(command, stderr=log, text=True, env=self.environment)
         until(self.answers, f"the centre answers: {self.log()}")
 

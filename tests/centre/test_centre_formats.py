@@ -13,8 +13,8 @@ from xml.etree import ElementTree
 
 import pytest
 
-from centre import areas, keep
-from centre.formats import FORMATS, GPX, WAY_MOST, Place, table
+from openrtu_tools.centre import areas, keep
+from openrtu_tools.centre.formats import FORMATS, GPX, WAY_MOST, Place, table
 
 WAY = [
     *(Place(1_700_000_000_000 + 1000 * i, 44.8 + i * 1e-4, 20.4, 117.0, 0, 1, 9) for i in range(5)),

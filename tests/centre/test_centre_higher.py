@@ -22,11 +22,6 @@ import c104
 import pytest
 
 from capture import PORT, Connection, write_pcap
-from centre.apdu import CAUSES, NAMES, decode
-from centre.errors import CentreError
-from centre.higher import PROGRAM, gateway
-from centre.records import State
-from centre.settings import load
 from control_room import POINTS, Site, Stations, described, until
 from lab.centre_client import AnswerError, Client
 from lab.gateway import Gateway, default_build, free_port, listening_on, remove, run_directory
@@ -43,6 +38,11 @@ from lab.vehicles import (
     single,
     stepped,
 )
+from openrtu_tools.centre.apdu import CAUSES, NAMES, decode
+from openrtu_tools.centre.errors import CentreError
+from openrtu_tools.centre.higher import PROGRAM, gateway
+from openrtu_tools.centre.records import State
+from openrtu_tools.centre.settings import load
 
 pytestmark = pytest.mark.slow  # a centre, a gateway and its module in Python for one use of a centre
 

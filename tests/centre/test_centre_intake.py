@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from centre.database import open_store
-from centre.intake import SPONTANEOUS, Intake
-from centre.records import INVALID, TAGGED, Content, Kind, Record
-from centre.settings import StationSettings
-from centre.store import Store
+from openrtu_tools.centre.database import open_store
+from openrtu_tools.centre.intake import SPONTANEOUS, Intake
+from openrtu_tools.centre.records import INVALID, TAGGED, Content, Kind, Record
+from openrtu_tools.centre.settings import StationSettings
+from openrtu_tools.centre.store import Store
 from postgres import Server
 
 NOW = time.time_ns()

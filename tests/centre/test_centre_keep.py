@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from centre import keep
-from centre.formats import Csv, Place
-from centre.keep import DAY_NS, Keeper
-from centre.settings import Keep
-from centre.sqlite import MIGRATIONS, SqliteStore
+from openrtu_tools.centre import keep
+from openrtu_tools.centre.formats import Csv, Place
+from openrtu_tools.centre.keep import DAY_NS, Keeper
+from openrtu_tools.centre.settings import Keep
+from openrtu_tools.centre.sqlite import MIGRATIONS, SqliteStore
 
 NOW = 1000 * DAY_NS
 S = 10**9

@@ -13,12 +13,12 @@ from typing import Any
 
 import pytest
 
-from centre.errors import CentreError
-from centre.records import State
-from centre.settings import load
 from control_room import Site, Stations, described, free_port, until
 from lab.centre_client import LIMIT_S
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, Station, measured, single
+from openrtu_tools.centre.errors import CentreError
+from openrtu_tools.centre.records import State
+from openrtu_tools.centre.settings import load
 
 NORTH = "station/north%2Fone"
 LEVEL = f"openrtu/{NORTH}/point/1/4"

@@ -10,12 +10,12 @@ from collections.abc import Iterator
 import asyncpg
 import pytest
 
-from centre import postgres as module
-from centre.errors import CentreError, StoreError
-from centre.keep import DAY_NS, Keeper
-from centre.postgres import WEEK_NS, PostgresStore, Session
-from centre.settings import Keep
-from centre.store import Database
+from openrtu_tools.centre import postgres as module
+from openrtu_tools.centre.errors import CentreError, StoreError
+from openrtu_tools.centre.keep import DAY_NS, Keeper
+from openrtu_tools.centre.postgres import WEEK_NS, PostgresStore, Session
+from openrtu_tools.centre.settings import Keep
+from openrtu_tools.centre.store import Database
 from postgres import Server
 
 pytestmark = pytest.mark.slow  # make test-quick brings no PostgreSQL

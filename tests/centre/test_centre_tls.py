@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from centre import settings
-from centre.certificate import tls_context
-from centre.errors import CentreError
 from control_room import ROOT, free_port, until
 from lab.centre_client import AnswerError, Client
+from openrtu_tools.centre import settings
+from openrtu_tools.centre.certificate import tls_context
+from openrtu_tools.centre.errors import CentreError
 
 
 def make_pair(folder: Path) -> None:
@@ -49,8 +49,8 @@ def test_https_by_a_file(file: Path) -> None:
     what = settings.load(file)
     assert what.secure  # the cookie
     log = file.with_suffix(".log")
-    serving = [sys.executable, "-m", "centre", file, "serve"]
-    with log.open("w") as errors, subprocess.Popen(serving, cwd=ROOT, stderr=errors) as centre:
+    serving = [sys.executable, "-m", "openrtu_tools.centre", file, "serve"]
+    with log.open("w") as errors, subprocess.Popen(serving, cwd=ROOT / "scripts", stderr=errors) as centre:
         try:
             ours = ssl.create_default_context(cafile=file.parent / "certificate.pem")
             until(lambda: status(what.port, ours) == 401, "it answers")

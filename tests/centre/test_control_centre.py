@@ -17,13 +17,13 @@ from urllib.parse import urlencode
 import aiohttp
 import pytest
 
-from centre import stream
-from centre.api import AUDITED, ROUTES, document
-from centre.records import Result, State
-from centre.stream import View
 from control_room import PASSWORD, USERS, Site, Stations, Watch, until
 from lab.centre_client import AnswerError, Client
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, POSITION, Station, measured, position, single
+from openrtu_tools.centre import stream
+from openrtu_tools.centre.api import AUDITED, ROUTES, document
+from openrtu_tools.centre.records import Result, State
+from openrtu_tools.centre.stream import View
 
 INVALID = 128
 CONFIRMED = {"own_password": PASSWORD}

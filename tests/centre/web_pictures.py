@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Takes the pictures of docs/web.md in a browser, from a gateway of its own.
 
-PYTHONPATH=tests:scripts:. .venv/bin/python tests/centre/web_pictures.py
+PYTHONPATH=tests:scripts .venv/bin/python tests/centre/web_pictures.py
 """
 
 from pathlib import Path

@@ -5,12 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from logic.binary import Slot, String
-from logic.errors import Place, SourceError
-from logic.layout import Enumeration, inner, words_of
-from logic.syntax import Call, Expression, Literal, Text
-from logic.types import INTEGERS, TYPES
-from logic.values import Reference, Values
+from openrtu_tools.logic.binary import Slot, String
+from openrtu_tools.logic.errors import Place, SourceError
+from openrtu_tools.logic.layout import Enumeration, inner, words_of
+from openrtu_tools.logic.syntax import Call, Expression, Literal, Text
+from openrtu_tools.logic.types import INTEGERS, TYPES
+from openrtu_tools.logic.values import Reference, Values
 
 OCTETS_MAX = 255  # LOGIC_STRING_MAX
 SHOWN_OCTETS = 24  # the longest text of a number

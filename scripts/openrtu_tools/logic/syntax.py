@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from logic.errors import Place
+from openrtu_tools.logic.errors import Place
 
 
 @dataclass(frozen=True)

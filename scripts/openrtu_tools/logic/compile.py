@@ -8,14 +8,14 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from logic.binary import Command, Point, Program, Request, Routine, Slot, String
-from logic.debug import debug_of
-from logic.declare import Declarations
-from logic.errors import Findings, Place, SourceError
-from logic.layout import Characters, Enumeration, Stored, is_single, name_of
-from logic.parser import parse
-from logic.routine import Body, Bound, Instance, Instances, Loop, Scope, writes
-from logic.syntax import (
+from openrtu_tools.logic.binary import Command, Point, Program, Request, Routine, Slot, String
+from openrtu_tools.logic.debug import debug_of
+from openrtu_tools.logic.declare import Declarations
+from openrtu_tools.logic.errors import Findings, Place, SourceError
+from openrtu_tools.logic.layout import Characters, Enumeration, Stored, is_single, name_of
+from openrtu_tools.logic.parser import parse
+from openrtu_tools.logic.routine import Body, Bound, Instance, Instances, Loop, Scope, writes
+from openrtu_tools.logic.syntax import (
     Argument,
     Assign,
     Call,
@@ -33,8 +33,8 @@ from logic.syntax import (
     Unit,
     While,
 )
-from logic.types import BITS, INTEGERS
-from logic.values import BUILT_IN, COPY_MAX, OF_TEXTS, Reference
+from openrtu_tools.logic.types import BITS, INTEGERS
+from openrtu_tools.logic.values import BUILT_IN, COPY_MAX, OF_TEXTS, Reference
 
 # The standard's function blocks, and those of docs/blocks.md.
 BLOCKS = Path(__file__).with_name("blocks")

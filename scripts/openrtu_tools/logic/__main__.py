@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 import sys
 
-from logic.cli import main
+from openrtu_tools.logic.cli import main
 
 sys.exit(main())

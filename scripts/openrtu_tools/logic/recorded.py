@@ -10,11 +10,11 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from logic.binary import Point, Program
-from logic.desk import INVALID, ROOT, Value, built
-from logic.errors import LogicError
-from logic.table import START_US, US, Row
-from logic.types import RANGES, REAL_MAX, REALS
+from openrtu_tools.logic.binary import Point, Program
+from openrtu_tools.logic.desk import INVALID, ROOT, Value, built
+from openrtu_tools.logic.errors import LogicError
+from openrtu_tools.logic.table import START_US, US, Row
+from openrtu_tools.logic.types import RANGES, REAL_MAX, REALS
 
 EVENTS = ROOT / "build/native/journal/journal-events"
 MAGIC = b"ORJ1"  # of a journal: journal/record.c

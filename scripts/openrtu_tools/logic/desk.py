@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 
-from logic.binary import Program, encode
-from logic.errors import LogicError
-from logic.types import pack, unpack
+from openrtu_tools.logic.binary import Program, encode
+from openrtu_tools.logic.errors import LogicError
+from openrtu_tools.logic.types import pack, unpack
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 BUILT = ROOT / "build/native/logic/logic-desk"
 FAULTS = (
     "division by zero",

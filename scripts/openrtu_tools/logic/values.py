@@ -10,10 +10,10 @@ from difflib import get_close_matches
 from itertools import product
 from typing import TypeGuard
 
-from logic.binary import FUNCTIONS, Array, Program, Slot, String
-from logic.constants import ARITHMETIC, COMPARED, fitted, fold, fold_one
-from logic.errors import Findings, Place, SourceError
-from logic.layout import (
+from openrtu_tools.logic.binary import FUNCTIONS, Array, Program, Slot, String
+from openrtu_tools.logic.constants import ARITHMETIC, COMPARED, fitted, fold, fold_one
+from openrtu_tools.logic.errors import Findings, Place, SourceError
+from openrtu_tools.logic.layout import (
     ArrayOf,
     Bounds,
     Characters,
@@ -28,8 +28,8 @@ from logic.layout import (
     name_of,
     size_of,
 )
-from logic.routine import Body, Bound, Instance, Instances, Scope
-from logic.syntax import (
+from openrtu_tools.logic.routine import Body, Bound, Instance, Instances, Scope
+from openrtu_tools.logic.syntax import (
     Binary,
     Call,
     Enumerated,
@@ -42,7 +42,7 @@ from logic.syntax import (
     Unary,
     Unit,
 )
-from logic.types import ALIASES, BITS, INTEGERS, NUMBERS, REALS, TYPES, common, pack, widens
+from openrtu_tools.logic.types import ALIASES, BITS, INTEGERS, NUMBERS, REALS, TYPES, common, pack, widens
 
 CLOCKS = {"UPTIME": "TIME", "SCAN_TIME": "TIME", "NOW": "DATE_AND_TIME"}
 LETTER = {"REAL": "R", "LREAL": "D"}

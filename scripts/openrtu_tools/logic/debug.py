@@ -5,10 +5,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from logic.binary import Debug, Slot
-from logic.layout import Enumeration, Stored, Type, elements_of
-from logic.routine import Instance, Instances, Scope
-from logic.syntax import Unit
+from openrtu_tools.logic.binary import Debug, Slot
+from openrtu_tools.logic.layout import Enumeration, Stored, Type, elements_of
+from openrtu_tools.logic.routine import Instance, Instances, Scope
+from openrtu_tools.logic.syntax import Unit
 
 
 def debug_of(

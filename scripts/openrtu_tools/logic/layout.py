@@ -15,8 +15,8 @@ from itertools import product
 from math import prod
 from operator import mul
 
-from logic.binary import Array, Slot, String
-from logic.syntax import Initial
+from openrtu_tools.logic.binary import Array, Slot, String
+from openrtu_tools.logic.syntax import Initial
 
 Bounds = tuple[int, int]
 # The first one counts; what it leaves out of a structure the others say.

@@ -5,13 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from logic.errors import Place, SourceError
-from logic.syntax import (
+from openrtu_tools.logic.errors import Place, SourceError
+from openrtu_tools.logic.syntax import (
     Binary,
     Literal,
     Unary,
 )
-from logic.types import BITS, INTEGERS, NUMBERS, RANGES, REAL_MAX, REALS, TYPES, common, widens
+from openrtu_tools.logic.types import BITS, INTEGERS, NUMBERS, RANGES, REAL_MAX, REALS, TYPES, common, widens
 
 ARITHMETIC = {"+": "ADD", "-": "SUB", "*": "MUL", "/": "DIV", "MOD": "MOD"}
 COMPARED = {

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator
 from html import escape
 
-from logic.desk import NOT_GOOD, Value
+from openrtu_tools.logic.desk import NOT_GOOD, Value
 
 WIDTH, STRIP, LEFT, RIGHT, TOP = 900, 64, 150, 30, 16
 

@@ -15,10 +15,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from logic.binary import Program
-from logic.desk import INVALID, NOT_GOOD, Desk, Scan, Value
-from logic.errors import LogicError
-from logic.types import RANGES, REALS
+from openrtu_tools.logic.binary import Program
+from openrtu_tools.logic.desk import INVALID, NOT_GOOD, Desk, Scan, Value
+from openrtu_tools.logic.errors import LogicError
+from openrtu_tools.logic.types import RANGES, REALS
 
 US = 1_000_000
 # How a device answers a command: state and result, as map_command_state and map_command_result have them.

@@ -11,8 +11,8 @@ import calendar
 import re
 from dataclasses import dataclass
 
-from logic.errors import Findings, Place, SourceError
-from logic.syntax import (
+from openrtu_tools.logic.errors import Findings, Place, SourceError
+from openrtu_tools.logic.syntax import (
     Argument,
     Assign,
     Binary,
@@ -41,7 +41,7 @@ from logic.syntax import (
     Variable,
     While,
 )
-from logic.types import TYPES
+from openrtu_tools.logic.types import TYPES
 
 TOKEN = re.compile(
     r"""(?P<space>\s+|//[^\n]*|\(\*.*?\*\))

@@ -12,17 +12,17 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from logic import grammar
-from logic.binary import Program, encode
-from logic.compile import compile_text
-from logic.desk import Desk
-from logic.errors import Findings, LogicError
-from logic.filters import BANDS, KINDS, Design, block
-from logic.plot import svg
-from logic.recorded import MAGIC, Recording, read_journal, read_vcd, vcd
-from logic.table import US, Step, compared, read_table, steps
-from logic.watch import View, watch
 from nuc980 import VERSION
+from openrtu_tools.logic import grammar
+from openrtu_tools.logic.binary import Program, encode
+from openrtu_tools.logic.compile import compile_text
+from openrtu_tools.logic.desk import Desk
+from openrtu_tools.logic.errors import Findings, LogicError
+from openrtu_tools.logic.filters import BANDS, KINDS, Design, block
+from openrtu_tools.logic.plot import svg
+from openrtu_tools.logic.recorded import MAGIC, Recording, read_journal, read_vcd, vcd
+from openrtu_tools.logic.table import US, Step, compared, read_table, steps
+from openrtu_tools.logic.watch import View, watch
 
 DONE, FOUND, UNUSABLE = 0, 1, 2
 DUMP = ".vcd"

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from logic.errors import LogicError
+from openrtu_tools.logic.errors import LogicError
 
 KINDS = {"butterworth": "butter", "chebyshev": "cheby1", "elliptic": "ellip"}
 BANDS = {"low": "lowpass", "high": "highpass", "pass": "bandpass", "stop": "bandstop"}

@@ -12,10 +12,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from logic.binary import Program, String, encode
-from logic.desk import Value
-from logic.errors import LogicError
-from logic.types import literal, unpack
+from openrtu_tools.logic.binary import Program, String, encode
+from openrtu_tools.logic.desk import Value
+from openrtu_tools.logic.errors import LogicError
+from openrtu_tools.logic.types import literal, unpack
 
 PERIOD_S = 1.0
 PATIENCE_S = 10.0

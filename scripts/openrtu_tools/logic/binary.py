@@ -8,8 +8,8 @@ import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from logic.errors import LogicError
-from logic.types import machine_type
+from openrtu_tools.logic.errors import LogicError
+from openrtu_tools.logic.types import machine_type
 
 VERSION = 3  # LOGIC_VERSION
 NO_SLOT = 0xFFFF

@@ -7,11 +7,11 @@ import json
 from collections.abc import Iterable
 from pathlib import Path
 
-from logic.compile import library
-from logic.parser import KEYWORDS
-from logic.types import ALIASES, TYPES
-from logic.values import BUILT_IN, OF_TEXTS
 from nuc980 import VERSION
+from openrtu_tools.logic.compile import library
+from openrtu_tools.logic.parser import KEYWORDS
+from openrtu_tools.logic.types import ALIASES, TYPES
+from openrtu_tools.logic.values import BUILT_IN, OF_TEXTS
 
 OPERATORS = ("AND", "OR", "XOR", "NOT", "MOD")
 CONSTANTS = ("TRUE", "FALSE")

@@ -12,10 +12,10 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from logic.binary import Instruction, Point, Program, Routine, Slot, String
-from logic.errors import SourceError
-from logic.layout import Bounds, Leaf, Stored
-from logic.syntax import (
+from openrtu_tools.logic.binary import Instruction, Point, Program, Routine, Slot, String
+from openrtu_tools.logic.errors import SourceError
+from openrtu_tools.logic.layout import Bounds, Leaf, Stored
+from openrtu_tools.logic.syntax import (
     Literal,
     Unit,
     Variable,

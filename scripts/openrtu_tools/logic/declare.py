@@ -6,9 +6,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from logic.binary import Point, Slot
-from logic.errors import Findings, Place, SourceError
-from logic.layout import (
+from openrtu_tools.logic.binary import Point, Slot
+from openrtu_tools.logic.errors import Findings, Place, SourceError
+from openrtu_tools.logic.layout import (
     ELEMENTS_MAX,
     ArrayOf,
     BlockOf,
@@ -30,8 +30,8 @@ from logic.layout import (
     size_of,
     words_of,
 )
-from logic.routine import Bound, Instance, Instances, Scope
-from logic.syntax import (
+from openrtu_tools.logic.routine import Bound, Instance, Instances, Scope
+from openrtu_tools.logic.syntax import (
     Choice,
     Declared,
     Expression,
@@ -44,8 +44,8 @@ from logic.syntax import (
     Unit,
     Variable,
 )
-from logic.texts import OCTETS_MAX, Texts
-from logic.types import ALIASES, TYPES, pack
+from openrtu_tools.logic.texts import OCTETS_MAX, Texts
+from openrtu_tools.logic.types import ALIASES, TYPES, pack
 
 STRING_OCTETS = 80  # of a STRING without a length
 
