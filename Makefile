@@ -160,6 +160,7 @@ man: $(INSTALLED)/build.ninja $(VENV) ## Build: the man pages, of the tools too
 	cp $(INSTALLED)/man/*.[18] $(MAN)
 	$(SRC)/man/page.py scripts/nuc980-pins 1 'check the device tree of a NUC980 board' $(MAN)/nuc980-pins.1
 	$(SRC)/man/page.py scripts/nuc980-netboot 1 'boot and flash a NUC980 board' $(MAN)/nuc980-netboot.1
+	$(SRC)/man/page.py scripts/openrtu 1 "OpenRTU's tools for engineers" $(MAN)/openrtu.1
 
 deb: build/packages-deb.done ## Build: the gateway as a Debian package, in build/deb
 	scripts/build-deb.sh build/deb
@@ -482,7 +483,7 @@ PROGRAMS    = tests/linux/programs
 C_FILES     = $(shell find $(SRC) $(LINESIM) $(BENCH) $(PROBES) $(PAYLOAD) $(PROGRAMS) -name '*.[ch]')
 # Once more with the modules built under AddressSanitizer and UBSan.
 UNDER_SANITIZERS = tests/test_gateway.py tests/test_lines.py tests/test_event_journal.py $(wildcard tests/test_station_*.py)
-SHELL_FILES = .ci/run scripts/openrtu-logic scripts/nuc980-pins scripts/nuc980-netboot scripts/kept $(wildcard scripts/*.sh scripts/image/*.sh $(PROGRAMS)/*.sh board/*/*.sh package/*/S[0-9]* \
+SHELL_FILES = .ci/run scripts/openrtu scripts/nuc980-pins scripts/nuc980-netboot scripts/kept $(wildcard scripts/*.sh scripts/image/*.sh $(PROGRAMS)/*.sh board/*/*.sh package/*/S[0-9]* \
   board/*/*/etc/init.d/* board/*/*/usr/sbin/*) board/nuc980/skeleton/init board/nuc980/skeleton/usr/share/udhcpc/default.script
 
 lint: $(VENV) ## Test: check the sources: ruff, clang-format, cppcheck, shellcheck

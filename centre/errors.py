@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+from nuc980.errors import ToolError
 
-class CentreError(Exception):
+
+class CentreError(ToolError):
     """Says the cause, and what to do."""
 
 

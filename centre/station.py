@@ -269,8 +269,7 @@ def main() -> None:
             points = Points(module)
         except (OSError, KeyError) as error:
             raise SystemExit(
-                f"centre.station: {error!r}: the configuration is not that of "
-                "`python -m openrtu_tools.centre FILE station`"
+                f"centre.station: {error!r}: the configuration is not that of `openrtu centre FILE station`"
             ) from None
         points.below.start()
         for _ in module.scans():

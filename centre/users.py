@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 from openrtu_tools.centre.errors import RefusedError
 from openrtu_tools.centre.model import Station
+from openrtu_tools.centre.roles import ROLES
 from openrtu_tools.centre.store import Database, Row, audit
 
-ROLES = ("viewer", "operator", "engineer")  # each may do what the ones before may
 PASSWORD_LEAST = 10
 # RFC 7914; 16 MiB and some 50 ms: too dear to guess with.
 SCRYPT = {"n": 2**14, "r": 8, "p": 1}

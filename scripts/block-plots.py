@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draws what each block of docs/blocks.md does, by `openrtu-logic run`: docs/figures/blocks."""
+"""Draws what each block of docs/blocks.md does, by `openrtu logic run`: docs/figures/blocks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from openrtu_tools.logic.cli import main as openrtu_logic
+from openrtu_tools.cli import main as openrtu
 
 FOLDER = Path(__file__).resolve().parents[1] / "docs/figures/blocks"
 LICENCE = "<!-- SPDX-License-Identifier: GPL-3.0-or-later -->\n"
@@ -212,7 +212,7 @@ def draw(name: str, target: Path) -> None:
         rows = [[time, *(cell(time) for cell in plot.inputs.values())] for time in times]
         table.write_text("\n".join(",".join(map(str, row)) for row in [["time", *plot.inputs], *rows]) + "\n")
         words = ["run", str(program), str(table), "--period", f"{plot.period_s * 1000:.0f}"]
-        if openrtu_logic([*words, "-o", str(Path(directory) / "out.csv"), "--plot", str(target)]) != 0:
+        if openrtu(["logic", *words, "-o", str(Path(directory) / "out.csv"), "--plot", str(target)]) != 0:
             raise SystemExit(f"{name}: see above")
     target.write_text(LICENCE + target.read_text())
 

@@ -35,6 +35,7 @@ ON_BOARD = (  # the gateway there
 )
 NETBOOT = "test-netboot tests/twin/test_uboot.py test-linux test-bench"  # who boots over the debug UART
 TREE = "tests/test_tree.py"  # it reads every file
+PIP = "lint tests/test_pip_install.py"
 ALL = f"{C} fuzzers test-sanitizers {' '.join(TARGETS.values())}"
 
 # What a change of a path can reach: targets, or files of tests. The first pattern that fits counts; what
@@ -108,25 +109,27 @@ REACH = [
     ("package/openrtu/openrtu.mk", f"test-image tests/test_version.py {ON_BOARD}"),
     ("package/openrtu/*", f"test-image {ON_BOARD}"),
     # the control centre
-    ("centre/*", "lint test-centre tests/bench/test_store.py"),
+    ("centre/*", f"{PIP} test-centre tests/bench/test_store.py"),
     ("scripts/lab/centre_*.py", "lint test-centre"),
     ("scripts/lab/vehicles.py", "lint test-centre"),
     ("scripts/lab/roads.py", "lint test-centre"),
     # the tools
     (
         "scripts/openrtu_tools/logic/*",
-        "tests/test_logic*.py tests/test_plant.py tests/test_retained.py tests/test_show.py"
+        f"{PIP} tests/test_logic*.py tests/test_plant.py tests/test_retained.py tests/test_show.py"
         " tests/test_reload_settings.py tests/test_synch.py tests/test_docs_commands.py"
         " tests/test_event_journal.py",
     ),
     ("scripts/block-plots.py", "lint tests/test_logic_blocks.py"),
-    ("scripts/openrtu_tools/scl.py", "lint tests/test_iec61850_cid.py"),
-    ("scripts/openrtu_tools/snmp_keys.py", "lint tests/test_snmp*.py"),
-    ("scripts/openrtu_tools/web_users.py", "lint tests/test_web.py tests/centre/test_web_page.py"),
+    ("scripts/openrtu_tools/points.py", f"{PIP} tests/test_points.py tests/test_config.py"),
+    ("scripts/openrtu_tools/scl.py", f"{PIP} tests/test_iec61850_cid.py"),
+    ("scripts/openrtu_tools/snmp_keys.py", f"{PIP} tests/test_snmp*.py"),
+    ("scripts/openrtu_tools/web_users.py", f"{PIP} tests/test_web.py tests/centre/test_web_page.py"),
     (
-        "scripts/openrtu-logic",
-        "lint tests/test_logic.py tests/test_logic_findings.py tests/test_logic_gateway.py "
-        "tests/test_event_journal.py tests/linux/test_run.py",
+        "scripts/openrtu*",
+        f"{PIP} test-centre tests/test_logic*.py tests/test_event_journal.py tests/test_points.py "
+        "tests/test_web.py tests/test_iec61850_cid.py tests/test_snmp*.py tests/test_plant.py "
+        "tests/test_show.py tests/test_version.py tests/test_docs_commands.py tests/linux/test_run.py",
     ),
     ("scripts/lab/twin_show.py", "test-twin"),
     (

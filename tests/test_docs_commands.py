@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The commands and options that the pages name are those that the programs have."""
 
+import argparse
 import os
 import re
 import subprocess
@@ -11,8 +12,8 @@ import pytest
 
 import nuc980.netboot.cli
 import nuc980.pins.cli
-import openrtu_tools.logic.cli
 from lab.gateway import free_port, remove, run_directory
+from openrtu_tools.cli import command_line
 from test_tree import PAGES, ROOT, code_of
 
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
@@ -55,7 +56,6 @@ def test_commands_and_options_of_rtuctl(programs: Path) -> None:
 TOOLS: dict[str, Callable[[Sequence[str]], int]] = {
     "nuc980-pins": nuc980.pins.cli.main,
     "nuc980-netboot": nuc980.netboot.cli.main,
-    "openrtu-logic": openrtu_tools.logic.cli.main,
 }
 
 
@@ -72,6 +72,29 @@ def test_options_of_the_tools(tool: str, capsys: pytest.CaptureFixture[str]) -> 
     helps = general + "".join(help_of(name) for name in subcommands)
     assert lines_with(tool)
     assert unknown_options(tool, helps) == []
+
+
+def subcommands_of(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+    return next(
+        (action.choices for action in parser._actions if isinstance(action, argparse._SubParsersAction)), {}
+    )
+
+
+def test_commands_and_options_of_openrtu() -> None:
+    """Of each line that begins with it: its subcommand, that one's own, and the options of these."""
+    line = re.compile(r"^\s*(?:\S*/)?openrtu ([^|;&#\n]*)", re.MULTILINE)
+    typed = [(page, words) for page in PAGES for words in line.findall(code_of(page).replace("\\\n", " "))]
+    assert typed
+    wrong = []
+    for page, words in typed:
+        parser, known = command_line(), set[str]()
+        for word in words.split():
+            known |= set(parser._option_string_actions)
+            parser = subcommands_of(parser).get(word, parser)
+        known |= set(parser._option_string_actions)
+        if (parser.prog == "openrtu" and "--" not in words) or set(OPTION.findall(words)) - known:
+            wrong.append(f"{page}: openrtu {words}")
+    assert wrong == []
 
 
 # ---- the tutorial of logic, word for word ------------------------------------------------------------

@@ -169,7 +169,7 @@ def run_on_the_desk(events: Path, points: Path, programs: Path) -> list[int]:
     words = ["run", file, events, "--json", "--period=1", f"--points={points}", f"--name=a={counted}"]
     machine = {"OPENRTU_LOGIC_DESK": str(programs / "logic/logic-desk")}
     done = subprocess.run(
-        [ROOT / "scripts/openrtu-logic", *words], env=os.environ | machine, capture_output=True, check=True
+        [ROOT / "scripts/openrtu", "logic", *words], env=os.environ | machine, capture_output=True, check=True
     )
     values = [step["outputs"]["b"]["value"] for step in json.loads(done.stdout)]
     return [value for value, _ in itertools.groupby(values)]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""scl.py: a CID that a tool has changed becomes the configuration, and hostile files do not."""
+"""`openrtu scl`: a CID that a tool has changed becomes the configuration, and hostile files do not."""
 
 import io
 import json
@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from openrtu_tools import scl
+from openrtu_tools.cli import main
 
 POINTS = [
     {"name": "q0.position", "type": "double", "ioa": 1, "ln": "Q0XCBR1.Pos"},
@@ -60,7 +60,7 @@ class Tool:
         files = [self.folder / "gateway.json", self.folder / "tool.cid", "--own", self.folder / "own.cid"]
         out, errors = io.StringIO(), io.StringIO()
         with redirect_stdout(out), redirect_stderr(errors):
-            code = scl.main([*map(str, files), *options])
+            code = main(["scl", *map(str, files), *options])
         return code, out.getvalue(), errors.getvalue()
 
     def taken(self, text: str) -> tuple[dict[str, Any], str]:

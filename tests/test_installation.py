@@ -34,7 +34,7 @@ MODULES = {
 }
 TEMPLATES = {"relay.json", "sdm630.json", "sunspec.json"}
 PAGES = {"rtuctl.1", "rtu-centre.1", "rtud.8", *(f"{name}.8" for name in MODULES)}
-TOOLS_PAGES = {"nuc980-pins.1", "nuc980-netboot.1"}
+TOOLS_PAGES = {"openrtu.1", "nuc980-pins.1", "nuc980-netboot.1"}
 # libopenrtu, where this machine's architecture has its libraries.
 LIBRARIES = Path("usr/local/lib") / (sysconfig.get_config_var("MULTIARCH") or "")
 LIBRARY = {"libopenrtu.so", "libopenrtu.so.0", f"libopenrtu.so.{VERSION}", "pkgconfig/openrtu.pc"}

@@ -15,8 +15,8 @@ import pytest
 
 from logic_findings import MODE, UNIT, findings_of
 from logic_reference import INPUTS, Random, Reference, text_of
+from openrtu_tools.cli import main
 from openrtu_tools.logic.binary import encode
-from openrtu_tools.logic.cli import main
 from openrtu_tools.logic.compile import compile_text
 from openrtu_tools.logic.desk import Desk, Scan, Value, desk_command
 from openrtu_tools.logic.errors import Findings
@@ -419,7 +419,7 @@ def test_run_prints_what_a_program_says(tmp_path: Path, capsys: pytest.CaptureFi
         "PROGRAM p\nVAR_EXTERNAL x : INT; END_VAR\nIF x > 1 THEN MESSAGE('x is {}', x); END_IF;\nEND_PROGRAM"
     )
     table.write_text("time,x\n0,1\n1,2\n")
-    assert main(["run", str(file), str(table), "--period", "1000"]) == 0
+    assert main(["logic", "run", str(file), str(table), "--period", "1000"]) == 0
     assert capsys.readouterr().err == f"{file}:3: at 1 s: x is 2\n"
 
 
@@ -546,13 +546,13 @@ END_PROGRAM
 3,1,,,
 4,,,9,1
 """)
-    assert main(["test", str(tmp_path / "p.st")]) == 0, capsys.readouterr()
+    assert main(["logic", "test", str(tmp_path / "p.st")]) == 0, capsys.readouterr()
     for text, complaint in (
         ("time,answer go\n0,DONE\n", "no command of the program goes to go"),
         ("time,answer breaker\n0,OK\n", "'OK' is not an answer of a device, expected one of DONE, EXCEPTION"),
     ):
         table.write_text(text)
-        assert main(["test", str(tmp_path / "p.st")]) == 2
+        assert main(["logic", "test", str(tmp_path / "p.st")]) == 2
         assert complaint in capsys.readouterr().err
 
 
@@ -798,7 +798,7 @@ def test_a_damaged_program_is_refused_or_harmless(example: str, tmp_path: Path) 
 def test_the_examples_pass_their_tests(
     example: str, expected: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["test", str(ROOT / "docs/examples/logic" / example)]) == 0
+    assert main(["logic", "test", str(ROOT / "docs/examples/logic" / example)]) == 0
     assert capsys.readouterr() == (expected, "")
 
 
@@ -808,7 +808,7 @@ def test_the_interlock_without_its_condition_fails(
     for name in ("interlock.st", "interlock.test.csv"):
         text = (ROOT / "docs/examples/logic" / name).read_text()
         (tmp_path / name).write_text(text.replace("locked := earthed", "locked := FALSE"))
-    assert main(["test", str(tmp_path / "interlock.st")]) == 1
+    assert main(["logic", "test", str(tmp_path / "interlock.st")]) == 1
     assert (
         "interlock.test.csv:3: the command of order at 1 s: expected INTERLOCK, found PENDING"
         in capsys.readouterr().out
@@ -820,7 +820,7 @@ def test_a_failed_test_names_the_row(tmp_path: Path, capsys: pytest.CaptureFixtu
         "PROGRAM p VAR_EXTERNAL x, y : INT; END_VAR\nIF x > 2 THEN\ny := 1;\nEND_IF;\nEND_PROGRAM"
     )
     (tmp_path / "p.test.csv").write_text("time,x,= y\n0,1,1\n")
-    assert main(["test", str(tmp_path / "p.st")]) == 1
+    assert main(["logic", "test", str(tmp_path / "p.st")]) == 1
     out = capsys.readouterr().out
     assert "p.test.csv:2: y at 0 s: expected 1, found 0" in out
     assert "not covered: line 2, 3" in out
@@ -829,14 +829,14 @@ def test_a_failed_test_names_the_row(tmp_path: Path, capsys: pytest.CaptureFixtu
 def test_exit_codes_and_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "p.st"
     file.write_text("PROGRAM p VAR i : INT; END_VAR i := x; END_PROGRAM")
-    assert main(["check", "--json", str(file)]) == 1
+    assert main(["logic", "check", "--json", str(file)]) == 1
     (finding,) = json.loads(capsys.readouterr().out)["findings"]
     assert finding == {"line": 1, "column": 37, "severity": "error", "text": "unknown name X"}
-    assert main(["check", str(tmp_path / "none.st")]) == 2
+    assert main(["logic", "check", str(tmp_path / "none.st")]) == 2
     file.write_bytes(b"\xff\xfe")
-    assert main(["check", str(file)]) == 2
+    assert main(["logic", "check", str(file)]) == 2
     (tmp_path / "t.csv").write_text("time,z\n0,1\n")
-    assert main(["run", str(ROOT / "docs/examples/logic/pump.st"), str(tmp_path / "t.csv")]) == 2
+    assert main(["logic", "run", str(ROOT / "docs/examples/logic/pump.st"), str(tmp_path / "t.csv")]) == 2
     assert "z is not a point of the program" in capsys.readouterr().err
 
 
@@ -844,6 +844,6 @@ def test_run_writes_a_table_and_a_picture(tmp_path: Path) -> None:
     (tmp_path / "in.csv").write_text("time,level,door_open\n0,85,0\n3,85!,0\n4,85,0\n")
     plot, out = tmp_path / "p.svg", tmp_path / "out.csv"
     words = ["run", str(ROOT / "docs/examples/logic/pump.st"), str(tmp_path / "in.csv"), "--period", "1000"]
-    assert main([*words, "-o", str(out), "--plot", str(plot)]) == 0
+    assert main(["logic", *words, "-o", str(out), "--plot", str(plot)]) == 0
     assert out.read_text().startswith("time,pump,starts\n0,0,0\n1,0,0\n2,1,1\n3,0,1\n")
     assert plot.read_text().startswith("<svg") and "#c00" in plot.read_text()

@@ -19,7 +19,7 @@ import astral
 import astral.sun
 import pytest
 
-from openrtu_tools.logic.cli import main
+from openrtu_tools.cli import main
 from openrtu_tools.logic.compile import compile_text, library
 from openrtu_tools.logic.desk import Desk, Value
 from openrtu_tools.logic.errors import Findings
@@ -117,9 +117,8 @@ def test_biquad_is_that_of_scipy(signal: ModuleType) -> None:
 def test_designed_filter_runs_as_scipy_computes_it(
     kind: str, band: str, edges: str, signal: ModuleType, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert (
-        main(["filter", kind, band, "--order", "4", "--edges", edges, "--period", "100", "--name", "f4"]) == 0
-    )
+    words = ["filter", kind, band, "--order", "4", "--edges", edges, "--period", "100", "--name", "f4"]
+    assert main(["logic", *words]) == 0
     text = capsys.readouterr().out
     program = compile_text(
         f"{text}\nPROGRAM p VAR_EXTERNAL x, y : LREAL; END_VAR VAR f : f4; END_VAR\n"
@@ -149,7 +148,7 @@ def test_designed_filter_runs_as_scipy_computes_it(
     ],
 )
 def test_filter_that_cannot_be(words: list[str], complaint: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["filter", "butterworth", *words, "--period", "100"]) == 2
+    assert main(["logic", "filter", "butterworth", *words, "--period", "100"]) == 2
     assert complaint in capsys.readouterr().err
 
 
@@ -520,7 +519,7 @@ def test_each_plot_is_what_its_block_does(tmp_path: Path) -> None:
 def test_the_picture_is_what_the_example_does(tmp_path: Path) -> None:
     example, plot = ROOT / "docs/examples/logic/tank.st", tmp_path / "blocks.svg"
     words = ["run", str(example), str(example.with_suffix(".test.csv")), "-o", str(tmp_path / "out.csv")]
-    assert main([*words, "--plot", str(plot)]) == 0
+    assert main(["logic", *words, "--plot", str(plot)]) == 0
     licence, _, picture = (ROOT / "docs/figures/blocks.svg").read_text().partition("\n")
     assert licence == "<!-- SPDX-License-Identifier: GPL-3.0-or-later -->"
     assert plot.read_text() == picture

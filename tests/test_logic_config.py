@@ -148,7 +148,7 @@ def test_what_does_not_go_together_is_said(programs: Path, tmp_path: Path, edit:
 def test_a_file_that_is_no_program_is_refused(programs: Path, tmp_path: Path, octets: bytes) -> None:
     code, errors = check(programs, tmp_path, document(), octets)
     assert code == 1
-    assert any("expected a file that openrtu-logic compile has written" in line for line in errors), errors
+    assert any("expected a file that openrtu logic compile has written" in line for line in errors), errors
 
 
 def test_a_damaged_program_is_refused(programs: Path, tmp_path: Path) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What openrtu-logic says of Structured Text: mistakes, values beside lines, an editor's colours."""
+"""What `openrtu logic` says of Structured Text: mistakes, values beside lines, an editor's colours."""
 
 import json
 import random
@@ -10,8 +10,8 @@ import pytest
 
 from logic_findings import MODE, UNIT, findings_of
 from logic_reference import text_of
+from openrtu_tools.cli import main
 from openrtu_tools.logic.binary import OPERATIONS
-from openrtu_tools.logic.cli import main
 from openrtu_tools.logic.compile import MESSAGE_OCTETS, MESSAGE_VALUES, compile_text
 from openrtu_tools.logic.desk import Value
 from openrtu_tools.logic.errors import Findings
@@ -402,11 +402,11 @@ END_PROGRAM
 def test_watch_says_how_to_reach_the_gateway(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "p.st"
     file.write_text("PROGRAM p\nVAR_EXTERNAL a : INT; END_VAR\na := 1;\nEND_PROGRAM\n")
-    assert main(["watch", str(file), "--rtuctl", "/no/rtuctl"]) == 2
+    assert main(["logic", "watch", str(file), "--rtuctl", "/no/rtuctl"]) == 2
     assert "--rtuctl 'ssh gateway rtuctl'" in capsys.readouterr().err
-    assert main(["watch", str(file), "--rtuctl", "echo no"]) == 2
+    assert main(["logic", "watch", str(file), "--rtuctl", "echo no"]) == 2
     assert "is it rtuctl" in capsys.readouterr().err
-    assert main(["watch", str(file), "--rtuctl", "false"]) == 2
+    assert main(["logic", "watch", str(file), "--rtuctl", "false"]) == 2
     assert "false ended with 1" in capsys.readouterr().err
 
 
@@ -430,7 +430,7 @@ def coloured(line: str, patterns: list[dict[str, str]]) -> dict[str, str]:
 
 
 def test_an_editor_colours_what_the_compiler_knows(tmp_path: Path) -> None:
-    assert main(["editor", str(tmp_path / "st")]) == 0
+    assert main(["logic", "editor", str(tmp_path / "st")]) == 0
     package = json.loads((tmp_path / "st/package.json").read_text())
     path = package["contributes"]["grammars"][0]["path"]
     patterns = json.loads((tmp_path / "st" / path).read_text())["patterns"]

@@ -292,7 +292,8 @@ def test_what_is_computed_from_a_dead_device_is_invalid(desk: Desk) -> None:
 def test_the_text_is_seen_with_live_values_and_what_an_input_is_forced_to(desk: Desk) -> None:
     def page() -> str:
         command = [
-            ROOT / "scripts/openrtu-logic",
+            ROOT / "scripts/openrtu",
+            "logic",
             "watch",
             INTERLOCK,
             "--once",
@@ -314,7 +315,7 @@ def watched(desk: Desk, text: str, program: str, tmp_path: Path) -> str:
     file = tmp_path / "watched.st"
     file.write_text(text)
     rtuctl = f"--rtuctl={desk.gateway.build}/rtuctl/rtuctl --map {desk.gateway.map}"
-    command = [ROOT / "scripts/openrtu-logic", "watch", file, "--once", f"--program={program}", rtuctl]
+    command = [ROOT / "scripts/openrtu", "logic", "watch", file, "--once", f"--program={program}", rtuctl]
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from openrtu_tools.cli import main
 from openrtu_tools.logic import recorded
-from openrtu_tools.logic.cli import main
 
 SINGLE, DOUBLE, NORMALIZED, SCALED, FLOAT = 0, 1, 4, 5, 6  # enum map_type
 CA = 7000
@@ -80,7 +80,7 @@ def test_a_journal_runs_a_program_at_the_time_that_it_recorded(
     points = str(program.parent / "points.json")
     names = [f"--name={name}={point}" for name, point in NAMES.items()]
     words = ["run", str(program), str(journal), "--points", points, "--period", "500", "--json", *names]
-    assert main(words) == 0
+    assert main(["logic", *words]) == 0
     steps = json.loads(capsys.readouterr().out)
     assert [step["time"] for step in steps] == [0.0, 0.5, 1.0, 1.5, 2.0]
     seen = [{name: out["value"] for name, out in step["outputs"].items()} for step in steps]
@@ -112,7 +112,7 @@ def test_what_is_wrong_with_a_journal(
     journal = program.parent / "events"
     journal.write_bytes(content)
     words = [str(program.parent / word) if "." in word else word for word in more]
-    assert main(["run", str(program), str(journal), *words]) == 2
+    assert main(["logic", "run", str(program), str(journal), *words]) == 2
     assert says in capsys.readouterr().err
 
 
@@ -131,7 +131,7 @@ b101 a
 def test_a_dump_is_an_input_and_an_output(program: Path) -> None:
     dump, out = program.parent / "in.vcd", program.parent / "out.vcd"
     dump.write_text(DUMP)
-    assert main(["run", str(program), str(dump), "--period", "500", "-o", str(out)]) == 0
+    assert main(["logic", "run", str(program), str(dump), "--period", "500", "-o", str(out)]) == 0
     text = out.read_text()
     names = {line.split()[4]: line.split()[3] for line in text.splitlines() if line.startswith("$var")}
     changes: dict[str, list[str]] = {}
@@ -161,5 +161,5 @@ def test_what_is_wrong_with_a_dump(
 ) -> None:
     dump = program.parent / "in.vcd"
     dump.write_text(text)
-    assert main(["run", str(program), str(dump)]) == 2
+    assert main(["logic", "run", str(program), str(dump)]) == 2
     assert says in capsys.readouterr().err

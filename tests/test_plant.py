@@ -11,7 +11,7 @@ import pytest
 
 from lab.gateway import Gateway, GatewayError, free_port, listening_on, remove, run_directory
 from lab.modules import EXAMPLES, PACKAGE, place, program
-from openrtu_tools.logic.cli import main
+from openrtu_tools.cli import main
 
 LOGIC = EXAMPLES.parent / "logic"
 PATIENCE_S = 60.0
@@ -63,7 +63,7 @@ def test_programs_run_the_plant(programs: Path) -> None:
         config["modules"][0]["heartbeat_limit_ms"] = 5000
         for one in config["logic"]:
             compiled = directory / one["program"]
-            assert main(["compile", str(LOGIC / f"{one['name']}.st"), "-o", str(compiled)]) == 0
+            assert main(["logic", "compile", str(LOGIC / f"{one['name']}.st"), "-o", str(compiled)]) == 0
             one["program"] = str(compiled)
         with Gateway(listening_on(config, free_port()), directory, programs) as gateway:
 

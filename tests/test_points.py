@@ -5,7 +5,6 @@ import json
 import os
 import re
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PLANT = ROOT / "docs/examples/plant.json"
 TEMPLATES = sorted((ROOT / "package/openrtu/src/templates").glob("*.json"))
 LISTED = [PLANT, ROOT / "docs/examples/every-key.json", ROOT / "tests/fixtures/chapter5/gateway.json"]
-POINTS = ROOT / "scripts/openrtu_tools/points.py"
+OPENRTU = ROOT / "scripts/openrtu"
 LINE = {"active": 1, "baud_rate": 9600, "data_bits": 8, "stop_bits": 1, "parity": 0}
 METER = {
     "input_registers": [
@@ -36,7 +35,7 @@ def rtud(programs: Path, *arguments: str | Path) -> subprocess.CompletedProcess[
 
 
 def back(points: Path, lines: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, POINTS, points, "--lines", lines]
+    command = [OPENRTU, "points", points, "--lines", lines]
     return subprocess.run(command, capture_output=True, text=True, timeout=20, check=False)
 
 
@@ -361,7 +360,7 @@ def test_unusable_files(tmp_path: Path) -> None:
     result = back(points, lines)
     assert (result.returncode, result.stderr) == (
         2,
-        f"{points}:1: has no column type, name, port, id, table, address\n",
+        f"openrtu points: {points}:1: has no column type, name, port, id, table, address\n",
     )
     assert back(points, write(lines, [])).returncode == 2
 

@@ -48,7 +48,7 @@ def test_simulated_devices(linesim_program: Path) -> None:
 
 
 @pytest.mark.sample(3)
-@pytest.mark.parametrize("tool", ["nuc980-pins", "nuc980-netboot", "openrtu-logic"])
+@pytest.mark.parametrize("tool", ["nuc980-pins", "nuc980-netboot", "openrtu"])
 def test_python_tools(tool: str) -> None:
     assert output_of(ROOT / "scripts" / tool) == f"{tool} (OpenRTU) {VERSION}\n"
 

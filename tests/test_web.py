@@ -11,7 +11,6 @@ import socket
 import ssl
 import stat
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -466,7 +465,7 @@ def test_what_is_not_encrypted_stays_on_the_gateway(
 
 def users_tool(file: Path, *words: str, password: str = PASSWORD) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, ROOT / "scripts/openrtu_tools/web_users.py", file, *words],
+        [ROOT / "scripts/openrtu", "web-users", file, *words],
         input=f"{password}\n",
         capture_output=True,
         text=True,
@@ -503,6 +502,6 @@ def test_users_file(tmp_path: Path) -> None:
 )
 def test_users_tool_refuses(tmp_path: Path, words: tuple[str, ...], password: str, message: str) -> None:
     done = users_tool(tmp_path / "web.users", *words, password=password)
-    assert done.returncode == 1
+    assert done.returncode == 2
     assert message in done.stderr
     assert not (tmp_path / "web.users").exists()

@@ -8,7 +8,6 @@ import http.client
 import json
 import ssl
 import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,7 +28,7 @@ WAIT_S = 60.0
 
 def make_user(file: Path, name: str, role: str, password: str = PASSWORD) -> None:
     subprocess.run(
-        [sys.executable, ROOT / "scripts/openrtu_tools/web_users.py", file, name, "--role", role],
+        [ROOT / "scripts/openrtu", "web-users", file, name, "--role", role],
         input=f"{password}\n",
         text=True,
         check=True,

@@ -165,7 +165,7 @@ def environment() -> dict[str, str]:
 
 
 def centre_command(file: Path, *words: str) -> list[str]:
-    return [sys.executable, "-m", "openrtu_tools.centre", f"{file}", *words]
+    return [sys.executable, "-m", "openrtu_tools", "centre", f"{file}", *words]
 
 
 def told(file: Path, *words: str, stdin: str = "") -> str:

@@ -7,7 +7,6 @@ import os
 import re
 import socket
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -188,8 +187,8 @@ def make_keys(config: dict[str, Any], folder: Path) -> None:
     lines = [f"{user.name} {user.authentication} {user.encryption}" for user in USERS]
     (folder / "passphrases").write_text("\n".join(lines))
     command = [
-        sys.executable,
-        ROOT / "scripts/openrtu_tools/snmp_keys.py",
+        ROOT / "scripts/openrtu",
+        "snmp-keys",
         folder / "gateway.json",
         folder / "keys",
     ]

@@ -45,7 +45,7 @@ from lab.manager import free_udp_port
 from lab.master import Master, Report
 from lab.modules import EXAMPLES, compiled, place, program
 from lab.verdict import Verdict, run
-from openrtu_tools.logic.cli import main as openrtu_logic
+from openrtu_tools.cli import main as openrtu
 
 CHAPTER_5 = REPOSITORY / "tests" / "fixtures" / "chapter5"
 STATION = 3067  # port 3, slave 67
@@ -157,7 +157,7 @@ def compile_programs(directory: Path) -> None:
     for name in PROGRAMS:
         file = directory / f"{name}.rtul"
         with contextlib.redirect_stdout(None):
-            code = openrtu_logic(["compile", str(SOURCES / f"{name}.st"), "-o", str(file)])
+            code = openrtu(["logic", "compile", str(SOURCES / f"{name}.st"), "-o", str(file)])
         check(code == 0, f"{name}.st is not compiled")
 
 

@@ -1,9 +1,8 @@
-#!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A gateway's configuration from a list of points: the way back from `rtud --points --csv`.
 
 docs/configuration.md, "The list of points". Needs Python alone, so that it runs where the list was edited.
-Exit codes: 0 done, 1 the list has errors, each printed with file and line, 2 wrong usage or an unusable file.
+Exit codes: 0 done, 1 the list has errors, each printed with file and line, 2 an unusable file.
 """
 
 import argparse
@@ -13,6 +12,8 @@ import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+from nuc980.errors import UnusableInput
 
 Json = dict[str, Any]
 
@@ -36,7 +37,7 @@ OF_OBJECTS = (*TABLES, "template", "overrides", "name_prefix", "ioa_offset", "ca
 IN_ROWS = (*OF_OBJECTS, "period_ms", "read_back")  # what each point of the list has itself
 
 
-class PointsError(Exception):
+class PointsError(UnusableInput):
     """A file that is not what it should be; its text says why, and where."""
 
 
@@ -170,28 +171,19 @@ def read_points(path: Path, slaves: Slaves) -> None:
             slaves.add(row, reader.line_num)
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(
-        description="Makes a configuration of a list of points and a file of lines."
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("points", type=Path, help="CSV with the columns of rtud --points --csv")
     parser.add_argument(
         "--lines", type=Path, required=True, help="configuration that says what the lines are"
     )
-    arguments = parser.parse_args()
-    try:
-        slaves = Slaves(read_lines(arguments.lines), arguments.points)
-        read_points(arguments.points, slaves)
-    except PointsError as error:
-        print(error, file=sys.stderr)
-        return 2
+
+
+def run(parsed: argparse.Namespace) -> int:
+    slaves = Slaves(read_lines(parsed.lines), parsed.points)
+    read_points(parsed.points, slaves)
     if slaves.errors:
         print("\n".join(slaves.errors), file=sys.stderr)
         return 1
     json.dump(slaves.config, sys.stdout, indent=2, ensure_ascii=False)
     print()
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

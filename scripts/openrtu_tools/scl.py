@@ -1,4 +1,3 @@
-#!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A CID that an engineer's tool has written, into a configuration: the way back from `rtud --scl --cid`.
 
@@ -16,6 +15,8 @@ from typing import Any
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
+from nuc980.errors import UnusableInput
+
 Json = dict[str, Any]
 Key = tuple[str, str, str]  # logical device, logical node, data object
 
@@ -30,7 +31,7 @@ NOT_SERVED = ("LogControl", "SettingControl", "SampledValueControl", "Log", "Inp
 INSTANCES_MAX = 16
 
 
-class SclError(Exception):
+class SclError(UnusableInput):
     """A file that is not what it should be; its text says why."""
 
 
@@ -492,26 +493,21 @@ def read_config(path: Path) -> Json:
     return config
 
 
-def main(words: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description="Takes a CID of an engineer's tool into a configuration.")
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("config", type=Path, help="the configuration as it is")
     parser.add_argument("cid", type=Path, help="the CID, or an SCD that has the gateway")
     parser.add_argument(
         "--own", type=Path, required=True, help="what rtud --scl --cid says of the configuration"
     )
     parser.add_argument("--ied", help="which IED of the CID is the gateway, if it has several")
-    arguments = parser.parse_args(words)
+
+
+def run(parsed: argparse.Namespace) -> int:
     try:
-        taker = Taker(
-            read_config(arguments.config), File(arguments.own, None), File(arguments.cid, arguments.ied)
-        )
+        taker = Taker(read_config(parsed.config), File(parsed.own, None), File(parsed.cid, parsed.ied))
         taker.take()
-    except SclError as error:
-        print(error, file=sys.stderr)
-        return 2
     except (ValueError, KeyError) as error:
-        print(f"{arguments.cid}: has what is no number where one is expected: {error}", file=sys.stderr)
-        return 2
+        raise SclError(f"{parsed.cid}: has what is no number where one is expected: {error}") from error
     for text in [*taker.notes, *taker.errors]:
         print(text, file=sys.stderr)
     if taker.errors:
@@ -519,7 +515,3 @@ def main(words: list[str] | None = None) -> int:
     json.dump(taker.config, sys.stdout, indent=2, ensure_ascii=False)
     print()
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,4 +1,3 @@
-#!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Makes the keys of rtu-snmp: on the engineer's machine, so that no pass phrase ever comes to a gateway.
 
@@ -12,10 +11,11 @@ import hashlib
 import json
 import os
 import secrets
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from nuc980.errors import UnusableInput
 
 MEBIOCTET = 1 << 20
 SHORTEST = 8  # characters of a pass phrase: RFC 3414, 11.2
@@ -24,7 +24,7 @@ AUTHENTICATIONS = {"SHA-256": "sha256", "SHA-384": "sha384", "SHA-512": "sha512"
 ENCRYPTIONS = {"AES-128": 16, "AES-192": 24, "AES-256": 32}
 
 
-class KeysError(Exception):
+class KeysError(UnusableInput):
     """What the engineer has to know: one line."""
 
 
@@ -121,8 +121,7 @@ def write(path: Path, lines: list[str]) -> None:
         file.write("\n".join(lines) + "\n")
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("configuration", type=Path, help='a file of the gateway with the object "snmp"')
     parser.add_argument("keys", type=Path, help="the file to write")
     parser.add_argument("--engine-id", help="of the gateway, in hexadecimal: one that it has had  [random]")
@@ -132,19 +131,16 @@ def main() -> int:
     parser.add_argument("--sink", metavar="NAME=ID", action="append", default=[], help="a sink's engine ID")
     parser.add_argument("--authentication", choices=AUTHENTICATIONS, default="SHA-256")
     parser.add_argument("--encryption", choices=ENCRYPTIONS, default="AES-128")
-    arguments = parser.parse_args()
+
+
+def run(parsed: argparse.Namespace) -> int:
     try:
-        snmp = json.loads(arguments.configuration.read_text()).get("snmp")
+        snmp = json.loads(parsed.configuration.read_text()).get("snmp")
         if snmp is None:
-            raise KeysError(f'{arguments.configuration} has no object "snmp"')
-        lines = lines_of(snmp, arguments)
-        write(arguments.keys, lines)
-    except (KeysError, OSError, ValueError) as error:
-        print(f"snmp-keys: {error}", file=sys.stderr)
-        return 1
-    print(f"the engine ID of the gateway is {lines[0].split()[1]}; {arguments.keys} goes to the gateway")
+            raise KeysError(f'{parsed.configuration} has no object "snmp"')
+        lines = lines_of(snmp, parsed)
+    except ValueError as error:
+        raise KeysError(str(error)) from error
+    write(parsed.keys, lines)
+    print(f"the engine ID of the gateway is {lines[0].split()[1]}; {parsed.keys} goes to the gateway")
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,4 +1,3 @@
-#!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Makes the file of users of rtu-web: on the engineer's machine, so that no password ever lies on a gateway.
 
@@ -13,6 +12,8 @@ import secrets
 import sys
 from pathlib import Path
 
+from nuc980.errors import UnusableInput
+
 ROLES = ("viewer", "operator", "engineer")
 SHORTEST = 10  # characters of a password
 # RFC 7914: 8 MiB for as long as a login takes, which a gateway with 64 MiB has.
@@ -21,7 +22,7 @@ SALT_OCTETS, HASH_OCTETS = 16, 32
 NAME_MOST = 32  # octets
 
 
-class UsersError(Exception):
+class UsersError(UnusableInput):
     """What the engineer has to know: one line."""
 
 
@@ -51,40 +52,31 @@ def write(path: Path, lines: list[str]) -> None:
     new.replace(path)
 
 
-def change(arguments: argparse.Namespace) -> None:
-    name, path = arguments.name, arguments.file
-    lines = path.read_text().splitlines() if path.exists() else []
+def run(parsed: argparse.Namespace) -> int:
+    name, path = parsed.name, parsed.file
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+    except UnicodeDecodeError as error:
+        raise UsersError(f"{path}: this is not UTF-8 text") from error
     others = [line for line in lines if line.split()[:1] != [name]]
     if not name or len(name.split()) != 1 or len(name.encode()) > NAME_MOST or name.startswith("#"):
         raise UsersError(f'"{name}": expected a name of one word, at most {NAME_MOST} octets')
-    if arguments.remove:
+    if parsed.remove:
         if others == lines:
             raise UsersError(f"{path} has no user {name}")
         write(path, others)
-        return
-    if arguments.role is None:
+        return 0
+    if parsed.role is None:
         raise UsersError(f"expected --role, one of {', '.join(ROLES)}")
     password = ask_password(name)
     if len(password) < SHORTEST:
         raise UsersError(f"too short: a password has at least {SHORTEST} characters")
-    write(path, [*others, line_of(name, arguments.role, password)])
+    write(path, [*others, line_of(name, parsed.role, password)])
+    return 0
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, help="what the gateway gets as web.users")
     parser.add_argument("name", help="of the user, one word")
     parser.add_argument("--role", choices=ROLES)
     parser.add_argument("--remove", action="store_true", help="remove the user instead")
-    try:
-        change(parser.parse_args())
-    except (UsersError, OSError, UnicodeDecodeError) as error:
-        print(f"web-users: {error}", file=sys.stderr)
-        return 1
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

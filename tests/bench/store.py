@@ -146,7 +146,7 @@ def configuration(count: int, port: int, of_rtus: int, folder: Path) -> Path:
 
 
 def told(file: Path, *words: str, stdin: str = "") -> str:
-    command = [sys.executable, "-m", "openrtu_tools.centre", file, *words]
+    command = [sys.executable, "-m", "openrtu_tools", "centre", file, *words]
     done = subprocess.run(
         command, input=stdin, cwd=REPOSITORY / "scripts", capture_output=True, text=True, check=False
     )
@@ -208,7 +208,7 @@ def running(count: int, port: int, folder: Path, kind: str = "h") -> Iterator[tu
         (folder / "rtu-centre.json").write_text(told(file, "collector"))
         quiet: Any = {"stderr": subprocess.DEVNULL}
         collector = subprocess.Popen([PROGRAM, folder / "rtu-centre.json"], **quiet)
-        serving = [sys.executable, "-m", "openrtu_tools.centre", file, "serve"]
+        serving = [sys.executable, "-m", "openrtu_tools", "centre", file, "serve"]
         centre = subprocess.Popen(serving, cwd=REPOSITORY / "scripts", **quiet)
         try:
             yield collector.pid, centre.pid

@@ -121,7 +121,7 @@ class Site:
 
     def run(self, *words: str, stdin: str = "") -> str:
         done = subprocess.run(
-            [sys.executable, "-m", "openrtu_tools.centre", self.file, *words],
+            [sys.executable, "-m", "openrtu_tools", "centre", self.file, *words],
             input=stdin, capture_output=True, text=True, env=self.environment, timeout=LIMIT_S, check=False,
         )  # fmt: skip
         assert done.returncode == 0, done.stderr
@@ -137,7 +137,7 @@ class Site:
     def start_centre(self) -> None:
         log = (self.folder / "centre.log").open("a")
         page = ("--page", str(self.page)) if self.page else ()
-        command = [sys.executable, "-m", "openrtu_tools.centre", str(self.file), "serve", *page]
+        command = [sys.executable, "-m", "openrtu_tools", "centre", str(self.file), "serve", *page]
         self.centre = subprocess.Popen(command, stderr=log, text=True, env=self.environment)
         until(self.answers, f"the centre answers: {self.log()}")
 

@@ -49,7 +49,7 @@ def test_https_by_a_file(file: Path) -> None:
     what = settings.load(file)
     assert what.secure  # the cookie
     log = file.with_suffix(".log")
-    serving = [sys.executable, "-m", "openrtu_tools.centre", file, "serve"]
+    serving = [sys.executable, "-m", "openrtu_tools", "centre", file, "serve"]
     with log.open("w") as errors, subprocess.Popen(serving, cwd=ROOT / "scripts", stderr=errors) as centre:
         try:
             ours = ssl.create_default_context(cafile=file.parent / "certificate.pem")

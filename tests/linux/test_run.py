@@ -173,7 +173,7 @@ def numeric(text: str) -> bool:
 
 
 def traced(program: Path, inputs: Path, desk: Path) -> str:
-    words = ["scripts/openrtu-logic", "run", program, inputs]
+    words = ["scripts/openrtu", "logic", "run", program, inputs]
     return subprocess.run(
         words,
         cwd=ROOT,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The command line of openrtu-logic. Exit codes: 0 done, 1 found mistakes or a test failed, 2 unusable."""
+"""The command line of `openrtu logic`. Exit codes: 0 done, 1 found mistakes or a test failed, 2 unusable."""
 
 from __future__ import annotations
 
@@ -8,11 +8,9 @@ import csv
 import json
 import shlex
 import sys
-from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from nuc980 import VERSION
 from openrtu_tools.logic import grammar
 from openrtu_tools.logic.binary import Program, encode
 from openrtu_tools.logic.compile import compile_text
@@ -24,32 +22,20 @@ from openrtu_tools.logic.recorded import MAGIC, Recording, read_journal, read_vc
 from openrtu_tools.logic.table import US, Step, compared, read_table, steps
 from openrtu_tools.logic.watch import View, watch
 
-DONE, FOUND, UNUSABLE = 0, 1, 2
+DONE, FOUND = 0, 1
 DUMP = ".vcd"
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs one subcommand; returns the exit code."""
-    parsed = _parser().parse_args(arguments)
+def run(parsed: argparse.Namespace) -> int:
     try:
-        return parsed.run(parsed)
-    except LogicError as error:
-        print(f"openrtu-logic: {error}", file=sys.stderr)
-    except UnicodeDecodeError:
-        print(f"openrtu-logic: {parsed.file}: this is not UTF-8 text", file=sys.stderr)
-    except RecursionError:
-        print(f"openrtu-logic: {parsed.file}: expressions or statements are nested too deep", file=sys.stderr)
-    except OSError as error:
-        print(f"openrtu-logic: {error.filename}: {error.strerror}", file=sys.stderr)
-    return UNUSABLE
+        return parsed.act(parsed)
+    except UnicodeDecodeError as error:
+        raise LogicError(f"{parsed.file}: this is not UTF-8 text") from error
+    except RecursionError as error:
+        raise LogicError(f"{parsed.file}: expressions or statements are nested too deep") from error
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="openrtu-logic",
-        description="Structured Text (IEC 61131-3) for the gateway: check, compile, try on the desk.",
-    )
-    parser.add_argument("--version", action="version", version=f"%(prog)s (OpenRTU) {VERSION}")
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     def add(name: str, does: str) -> argparse.ArgumentParser:
@@ -58,10 +44,10 @@ def _parser() -> argparse.ArgumentParser:
         command.add_argument("--json", action="store_true", help="print JSON")
         return command
 
-    add("check", "report all mistakes and warnings").set_defaults(run=_check)
+    add("check", "report all mistakes and warnings").set_defaults(act=_check)
     command = add("compile", "write the program for the virtual machine")
     command.add_argument("-o", "--output", type=Path, help="default: FILE with .rtul")
-    command.set_defaults(run=_compile)
+    command.set_defaults(act=_compile)
     command = add("run", "run on the desk: a table of inputs over virtual time")
     command.add_argument(
         "inputs", type=Path, metavar="INPUTS", help="a table, a dump (.vcd), or a gateway's journal"
@@ -75,10 +61,10 @@ def _parser() -> argparse.ArgumentParser:
     _add_name(command)
     command.add_argument("--plot", type=Path, metavar="SVG", help="draw inputs and outputs")
     _add_period(command)
-    command.set_defaults(run=_run)
+    command.set_defaults(act=_run)
     command = add("test", "run the tests beside the program: NAME.test.csv, NAME.*.test.csv")
     _add_period(command)
-    command.set_defaults(run=_test)
+    command.set_defaults(act=_test)
     command = add("watch", "show the text of a running program with its values beside it")
     command.add_argument("--once", action="store_true", help="print it once, instead of each second")
     command.add_argument(
@@ -98,7 +84,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="PATH",
         help="which instance to show in the text of a function block, as motor.start [the first one]",
     )
-    command.set_defaults(run=_watch)
+    command.set_defaults(act=_watch)
     _add_filter(commands)
     command = commands.add_parser(
         "editor",
@@ -108,8 +94,7 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument(
         "directory", type=Path, metavar="DIRECTORY", help="as ~/.vscode/extensions/openrtu-st"
     )
-    command.set_defaults(run=_editor)
-    return parser
+    command.set_defaults(act=_editor)
 
 
 def _add_name(command: argparse.ArgumentParser) -> None:
@@ -141,7 +126,7 @@ def _add_filter(commands: argparse._SubParsersAction) -> None:
     )
     command.add_argument("--name", default="FILTER", help="of the block [FILTER]")
     _add_period(command)
-    command.set_defaults(run=_filter)
+    command.set_defaults(act=_filter)
 
 
 def _add_period(command: argparse.ArgumentParser) -> None:
@@ -167,7 +152,7 @@ def _compiled(parsed: argparse.Namespace) -> Program | None:
     """The program, after its findings are printed; None if it has mistakes."""
     findings = Findings()
     program = compile_text(parsed.file.read_text(encoding="utf-8"), findings)
-    if parsed.json and (findings.failed or parsed.run is _check):
+    if parsed.json and (findings.failed or parsed.act is _check):
         shown = {"file": str(parsed.file), "findings": [asdict(one) for one in findings.sorted()]}
         print(json.dumps(shown, indent=2))
     elif not parsed.json:

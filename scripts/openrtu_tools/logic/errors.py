@@ -5,8 +5,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from nuc980.errors import UnusableInput
 
-class LogicError(Exception):
+
+class LogicError(UnusableInput):
     """A file that cannot be used, or a machine that does not answer; the text says what to do."""
 
 

@@ -41,10 +41,8 @@ class Design:
 
     def sections(self) -> list[list[float]]:
         """b0, b1, b2, 1, a1, a2 of each section."""
-        try:
-            from scipy import signal  # half a second; no other command needs it
-        except ImportError as missing:
-            raise LogicError("SciPy, which designs filters, is not installed: type `make setup`") from missing
+        from scipy import signal  # half a second; no other command needs it
+
         edge = self.edges if len(self.edges) > 1 else self.edges[0]
         return signal.iirfilter(
             self.order, edge, rp=self.ripple_db, rs=self.attenuation_db, btype=BANDS[self.band],

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
  * `journal-events FILE`: the events of a journal on the desk, a line for each in the order of the file: nanoseconds since
- * 1970, CA, IOA, type, number, quality in hexadecimal digits. openrtu-logic starts it. A record that is torn ends it, as at rtud.
+ * 1970, CA, IOA, type, number, quality in hexadecimal digits. openrtu logic starts it. A record that is torn ends it, as at rtud.
  */
 #include <errno.h>
 #include <inttypes.h>
@@ -41,7 +41,7 @@ int main(int argc, char **argv)
 	uint32_t records = 0;
 
 	if (argc != 2)
-		fputs("usage: journal-events FILE\nopenrtu-logic run starts it; see docs/logic.md\n", stderr);
+		fputs("usage: journal-events FILE\nopenrtu logic run starts it; see docs/logic.md\n", stderr);
 	else if (!file || !bytes)
 		fprintf(stderr, "journal-events: %s: %s\n", argv[1], strerror(errno));
 	if (!file || !bytes) {

@@ -120,7 +120,7 @@ bool logic_read_program(struct config_loader *loader, struct logic_reading *read
 		refusal = load(reading);
 		if (refusal != NULL)
 			config_error(&loader->report, here,
-				     "\"%s\": %s, expected a file that openrtu-logic compile has written",
+				     "\"%s\": %s, expected a file that openrtu logic compile has written",
 				     whole, refusal);
 		else
 			count_kept(reading);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * `logic-desk FILE`: a program on the desk; openrtu-logic starts it and speaks with it, one line for one line.
+ * `logic-desk FILE`: a program on the desk; openrtu logic starts it and speaks with it, one line for one line.
  * "scan UPTIME ELAPSED NOW BUDGET", then VALUE:QUALITY:TIME of each point that the program only reads and STATE:RESULT of
  * each command, ACTIVE:VALUE of each request -> VALUE:QUALITY of each point that it writes, EXECUTE:QUALITY:VALUE:SELECT
  * of each command, DECISION:RESULT of each request, then the faults, the last one's kind and line. Values are the bits of a cell in hexadecimal digits, times are decimal.
@@ -186,7 +186,7 @@ int main(int argc, char **argv)
 	if (argc != 2 || !load_machine(&machine, argv[1])) {
 		if (argc != 2)
 			fprintf(stderr,
-				"usage: logic-desk FILE\nopenrtu-logic starts it; see docs/logic.md\n");
+				"usage: logic-desk FILE\nopenrtu logic starts it; see docs/logic.md\n");
 		return 2;
 	}
 	while (good && getline(&line, &room, stdin) > 0) {

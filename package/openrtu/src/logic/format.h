@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* The file of a compiled program, little-endian: docs/logic.md, "The file". scripts/logic/binary.py writes it. */
+/* The file of a compiled program, little-endian: docs/logic.md, "The file". scripts/openrtu_tools/logic/binary.py writes it. */
 #ifndef OPENRTU_LOGIC_FORMAT_H
 #define OPENRTU_LOGIC_FORMAT_H
 

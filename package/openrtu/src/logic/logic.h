@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * A program of Structured Text, compiled by openrtu-logic, in a virtual machine: docs/logic.md.
+ * A program of Structured Text, compiled by openrtu logic, in a virtual machine: docs/logic.md.
  * Bytes, time, inputs and outputs are arguments. After logic_load() nothing is allocated, and nothing that the program
  * does raises a signal or reaches beyond its own memory.
  */

@@ -20,12 +20,13 @@ from pathlib import Path
 SEE_ALSO = {
     "rtud": "rtuctl(1), rtu-modbus(8), rtu-iec104(8), rtu-journal(8), rtu-logic(8)",
     "rtuctl": "rtud(8)",
+    "openrtu": "rtud(8), rtuctl(1), nuc980-pins(1), nuc980-netboot(1)",
     "nuc980-pins": "nuc980-netboot(1)",
     "nuc980-netboot": "nuc980-pins(1)",
 }
 # A line of the list of commands, and argparse's two lines above that.
 COMMAND = re.compile(
-    r"(?:^positional arguments:\n  COMMAND\n)?^ {2,4}([a-z][a-z0-9-]*)(?: .*)?\n(?:^ {15,}\S.*\n)?",
+    r"(?:^positional arguments:\n  COMMAND\n)?^ {2,4}([a-z][a-z0-9-]*)(?: .*)?\n(?:^ {12,}\S.*\n)?",
     re.MULTILINE,
 )
 

@@ -126,7 +126,7 @@ static const struct command commands[] = {
     {"logic", "[PROGRAM]", 0, 1, 0, NULL, "programs of Structured Text: scans, faults, variables",
      "FILE is the CRC-32 of the compiled program. LATE counts periods without a scan. Counters count since "
      "the gateway\n"
-     "started. With PROGRAM, --json has its variables as well, for openrtu-logic watch.\n",
+     "started. With PROGRAM, --json has its variables as well, for openrtu logic watch.\n",
      rtuctl_logic},
     {"synch", "[TABLE] [--svg FILE]", 0, 1, TAKES_SVG, NULL, "the net: its marking, and who waits for what",
      "TABLE is modules, places or transitions; without it, all of them. SINCE is how long a module has "

@@ -31,7 +31,7 @@ static const char usage[] =
     "or each line's shortest scan; --plan the same, with the requests to each device; --points lists every\n"
     "point, by common address and IOA; --scl describes the server of IEC 61850 for an engineer's tools.\n"
     "\n"
-    "  --csv            list as CSV, from which scripts/points.py makes a configuration   [the default]\n"
+    "  --csv            list as CSV, from which openrtu points makes a configuration   [the default]\n"
     "  --markdown       list as a table for an interoperability sheet\n"
     "  --cid            with --scl: a CID, with the IED's name and addresses; without it an ICD\n"
     "  --map DIR        folder of the point map, on a tmpfs     [/run/openrtu]\n"

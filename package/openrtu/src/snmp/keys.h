@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * The file of keys that scripts/snmp-keys.py makes on the engineer's machine. A line a record, words between spaces:
+ * The file of keys that openrtu snmp-keys makes on the engineer's machine. A line a record, words between spaces:
  *
  *   engine 80001f88...                             the engine ID of this gateway
  *   user NAME AUTH KEY PRIV KEY                    keys of a user, localized to it

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * The file of users, which scripts/web-users.py makes. A line is
+ * The file of users, which openrtu web-users makes. A line is
  *	NAME ROLE scrypt N R P SALT HASH
  * with salt and hash in hexadecimal digits (RFC 7914); an empty line or one that begins with # is none.
  */

@@ -91,8 +91,9 @@ static bool take_lines(struct map *map, const struct snmp_settings *settings, FI
 		number++;
 		good = snmp_keys_take(ring, settings, line);
 		if (!good)
-			map_log(map, MAP_LOG_ERROR, "%s:%u: is no line of snmp-keys: make the file anew",
-				settings->keys, number);
+			map_log(map, MAP_LOG_ERROR,
+				"%s:%u: is no line of openrtu snmp-keys: make the file anew", settings->keys,
+				number);
 	}
 	explicit_bzero(line, sizeof(line));
 	return good;
@@ -105,7 +106,7 @@ bool engine_read_keys(struct map *map, const struct snmp_settings *settings, str
 	bool good = false;
 
 	if (file == NULL) {
-		map_log(map, MAP_LOG_ERROR, "cannot read the keys %s: %s; scripts/snmp-keys.py makes them",
+		map_log(map, MAP_LOG_ERROR, "cannot read the keys %s: %s; openrtu snmp-keys makes them",
 			settings->keys, strerror(errno));
 		return false;
 	}

@@ -53,8 +53,9 @@ void login_look(struct http_site *site)
 	}
 	web_user_find(file, "", &user, &wrong);
 	if (wrong > 0)
-		map_log(site->map, MAP_LOG_WARNING, "%s: %u lines are no users: make it with web-users.py",
-			site->settings->users, wrong);
+		map_log(site->map, MAP_LOG_WARNING,
+			"%s: %u lines are no users: make it with openrtu web-users", site->settings->users,
+			wrong);
 	fclose(file);
 }
 

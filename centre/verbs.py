@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""python -m openrtu_tools.centre: the control centre. docs/control-centre.md.
-
-Exit codes: 0 done, 1 the centre could not do it, 2 wrong usage.
-"""
+"""What `openrtu centre` does: serve, and what belongs to it."""
 
 from __future__ import annotations
 
@@ -25,8 +22,6 @@ from openrtu_tools.centre.database import open_store
 from openrtu_tools.centre.errors import CentreError
 from openrtu_tools.centre.push import Pusher
 from openrtu_tools.centre.web import Server
-
-PAGE = Path(__file__).resolve().parent.parent / "build" / "centre" / "page"
 
 
 async def serve(what: settings.Settings, page: Path) -> None:
@@ -86,9 +81,7 @@ def give_token(what: settings.Settings, name: str, label: str, days: float) -> N
     store = open_store(what.database, alone=False)
     try:
         if not store.transaction(lambda database: users.exists(database, name)):
-            raise CentreError(
-                f"there is no user {name}: `python -m openrtu_tools.centre FILE user {name}` adds one"
-            )
+            raise CentreError(f"there is no user {name}: `openrtu centre FILE user {name}` adds one")
         print(store.transaction(lambda database: users.begin(database, name, label, days * 86400)))
     finally:
         store.close()
@@ -98,51 +91,22 @@ def give_station(what: settings.Settings) -> None:
     """Prints it; what is left out is said beside it."""
     configuration, left_out = higher.gateway(what)
     for each in left_out:
-        print(f"centre: not for the higher centre: {each}", file=sys.stderr)
+        print(f"openrtu centre: not for the higher centre: {each}", file=sys.stderr)
     print(json.dumps(configuration, indent=1))
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(
-        prog="python -m openrtu_tools.centre", description=__doc__.partition("\n\n")[0]
-    )
-    parser.add_argument(
-        "file", type=Path, help="the centre's file: stations, and what the centre knows of them"
-    )
-    verbs = parser.add_subparsers(dest="verb", required=True)
-    serving = verbs.add_parser("serve", help="store, serve and command")
-    serving.add_argument("--page", type=Path, default=PAGE, help="the built page [build/centre/page]")
-    verbs.add_parser("collector", help="print the file for rtu-centre")
-    user = verbs.add_parser("user", help="add a user, or give a new role and password")
-    user.add_argument("name")
-    user.add_argument("--role", choices=users.ROLES, default="viewer")
-    user.add_argument(
-        "--group", action="append", default=[], help="only stations of this group; may be repeated [all]"
-    )
-    token = verbs.add_parser("token", help="print a new token, with the rights of a user, for a program")
-    token.add_argument("name")
-    token.add_argument("--label", default="command line", help="what it is for [command line]")
-    token.add_argument("--days", type=float, default=365, help="how long it is good [365]")
-    verbs.add_parser("station", help="print the gateway's configuration that a higher centre is served by")
-    arguments = parser.parse_args()
+def run(parsed: argparse.Namespace) -> int:
+    """What `openrtu centre` was asked for."""
     logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
-    try:
-        what = settings.load(arguments.file)
-        if arguments.verb == "serve":
-            asyncio.run(serve(what, arguments.page))
-        elif arguments.verb == "user":
-            add_user(what, arguments.name, arguments.role, arguments.group)
-        elif arguments.verb == "token":
-            give_token(what, arguments.name, arguments.label, arguments.days)
-        elif arguments.verb == "station":
-            give_station(what)
-        else:
-            print(json.dumps({**what.collector, "socket": str(what.socket)}, indent=1))
-    except CentreError as error:
-        print(f"centre: {error}", file=sys.stderr)
-        return 1
+    what = settings.load(parsed.file)
+    if parsed.verb == "serve":
+        asyncio.run(serve(what, parsed.page))
+    elif parsed.verb == "user":
+        add_user(what, parsed.name, parsed.role, parsed.group)
+    elif parsed.verb == "token":
+        give_token(what, parsed.name, parsed.label, parsed.days)
+    elif parsed.verb == "station":
+        give_station(what)
+    else:
+        print(json.dumps({**what.collector, "socket": str(what.socket)}, indent=1))
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

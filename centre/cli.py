@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The command line of `openrtu centre`. docs/control-centre.md. Its verbs import what the extra brings."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from openrtu_tools.centre.roles import ROLES
+
+PAGE = Path(__file__).resolve().parent.parent / "build" / "centre" / "page"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "file", type=Path, help="the centre's file: stations, and what the centre knows of them"
+    )
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
+    serving = verbs.add_parser("serve", help="store, serve and command")
+    serving.add_argument("--page", type=Path, default=PAGE, help="the built page [build/centre/page]")
+    verbs.add_parser("collector", help="print the file for rtu-centre")
+    user = verbs.add_parser("user", help="add a user, or give a new role and password")
+    user.add_argument("name")
+    user.add_argument("--role", choices=ROLES, default="viewer")
+    user.add_argument(
+        "--group", action="append", default=[], help="only stations of this group; may be repeated [all]"
+    )
+    token = verbs.add_parser("token", help="print a new token, with the rights of a user, for a program")
+    token.add_argument("name")
+    token.add_argument("--label", default="command line", help="what it is for [command line]")
+    token.add_argument("--days", type=float, default=365, help="how long it is good [365]")
+    verbs.add_parser("station", help="print the gateway's configuration that a higher centre is served by")
+
+
+def run(parsed: argparse.Namespace) -> int:
+    from openrtu_tools.centre import verbs
+
+    return verbs.run(parsed)
