@@ -5,7 +5,7 @@ set -euo pipefail
 
 folder=$(realpath -m "$1")
 tree=$(realpath -e "$(dirname "$0")/..")
-version=$(<"$tree/package/openrtu/src/VERSION")
+version=$(PYTHONPATH="$tree/scripts" python3 -m release.version debian)
 source=$folder/openrtu-$version
 
 # Of the last commit, or of now in a tree without git: what dates the package's files.

@@ -87,7 +87,10 @@ REACH = [
     # the software on the target
     ("package/openrtu/src/*/test_*.[ch]", C),
     ("package/openrtu/src/*fuzz*", f"{C} fuzzers tests/test_fuzz.py"),
-    ("package/openrtu/src/VERSION", f"{C} {DESK} test-image {ON_BOARD}"),
+    (
+        "package/openrtu/src/VERSION",
+        f"{C} {DESK} test-image {ON_BOARD} tests/linux/test_update_versions.py",
+    ),
     (
         "package/openrtu/src/journal/record.c",
         f"{C} fuzzers {DESK} {ON_BOARD} tests/image/test_update_file.py",
@@ -167,6 +170,11 @@ REACH = [
     ("scripts/no-buildroot.sh", "test-image"),
     ("scripts/offline-toolchain.sh", "test-image"),
     ("scripts/Containerfile", "test-image"),
+    (
+        "scripts/release/version.py",
+        f"test-image tests/test_version.py tests/test_installation.py {ON_BOARD}"
+        " tests/linux/test_update_versions.py",
+    ),
     ("scripts/release-files.sh", "test-image"),
     ("scripts/setup-sysroot.sh", "cross test-linux"),
     ("scripts/armel.ini", "cross test-linux"),

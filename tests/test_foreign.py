@@ -17,6 +17,7 @@ import pytest
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.master import Master, Report
 from lab.modules import EXAMPLES, HEADER, PACKAGE, compiled, library, place, program
+from release.version import pep440
 
 pytestmark = pytest.mark.slow
 
@@ -479,9 +480,12 @@ def test_wheel_is_installed_and_finds_the_library(programs: Path, tmp_path: Path
     command = [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
     done = subprocess.run([*command, "--target", target, source], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    asked = "import openrtu; print(openrtu.library_version(), openrtu.VERSION)"
+    asked = (
+        "import importlib.metadata as m, openrtu;"
+        "print(openrtu.library_version(), openrtu.VERSION, m.version('openrtu'))"
+    )
     for named, output, code in (
-        (str(library(programs)), f"{version()} {version()}\n", 0),
+        (str(library(programs)), f"{version()} {version()} {pep440(version())}\n", 0),
         ("libopenrtu-missing.so", "", 1),
     ):
         done = subprocess.run(

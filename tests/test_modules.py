@@ -32,7 +32,7 @@ EVERYWHERE = {
     "sdm630.json",
     "sunspec.json",
 }
-LIBRARY = {"libopenrtu.so", "libopenrtu.so.0", "libopenrtu.so.0.1.0", "openrtu.h", "openrtu.pc"}
+LIBRARY = {"libopenrtu.so", "libopenrtu.so.0", "openrtu.h", "openrtu.pc"}
 EVERYWHERE |= LIBRARY
 LINES = ("rtu-modbus-1", "rtu-modbus-2")
 NO_IEC104 = (

@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """One version: what programs, tools and packages say is the file that all of them take it from."""
 
-import re
+import itertools
 import subprocess
 import sys
 import tomllib
 from pathlib import Path
 
 import pytest
+from packaging.version import Version
+
+from release.version import FORM, FORMS, debian, pep440
 
 ROOT = Path(__file__).resolve().parent.parent
 VERSION = (ROOT / "package/openrtu/src/VERSION").read_text().strip()
@@ -31,9 +34,39 @@ def output_of(*command: str | Path) -> str:
     return done.stdout
 
 
-def test_version_is_one_that_packages_can_have() -> None:
-    """Debian, PyPI and Buildroot take three numbers."""
-    assert re.fullmatch(r"\d+\.\d+\.\d+", VERSION)
+# Of one release and its neighbours, the oldest first.
+IN_ORDER = ("0.1.0", "1.0.0-rc1", "1.0.0-rc2", "1.0.0-rc10", "1.0.0", "1.0.1-rc1", "1.0.1")
+
+
+def test_version_has_the_form_that_the_others_are_made_of() -> None:
+    assert FORM.fullmatch(VERSION)
+
+
+@pytest.mark.parametrize(
+    ("form", "candidate"), [("pep440", "1.0.0rc1"), ("debian", "1.0.0~rc1"), ("swupdate", "1.0.0-rc.1")]
+)
+def test_each_form(form: str, candidate: str) -> None:
+    assert FORMS[form]("1.0.0-rc1") == candidate
+    assert FORMS[form]("1.0.0") == "1.0.0"
+    said = subprocess.run(
+        [sys.executable, "-m", "release.version", form], cwd=ROOT / "scripts", capture_output=True, text=True
+    )
+    assert (said.returncode, said.stdout, said.stderr) == (0, f"{FORMS[form](VERSION)}\n", "")
+
+
+@pytest.mark.parametrize("version", ["", "1.0", "1.0.0rc1", "1.0.0-rc", "1.0.0-beta1", "1.0.0-rc1\n"])
+def test_what_is_no_version(version: str) -> None:
+    for written in FORMS.values():
+        with pytest.raises(ValueError, match="is no version of this tree"):
+            written(version)
+
+
+def test_candidates_sort_before_the_release_for_pip_and_dpkg() -> None:
+    """By their own rules; by SWUpdate's: tests/linux/test_update_versions.py."""
+    assert [str(Version(pep440(version))) for version in IN_ORDER] == list(map(pep440, IN_ORDER))
+    for older, newer in itertools.pairwise(IN_ORDER):
+        assert Version(pep440(older)) < Version(pep440(newer))
+        subprocess.run(["dpkg", "--compare-versions", debian(older), "lt", debian(newer)], check=True)
 
 
 @pytest.mark.parametrize(
@@ -60,8 +93,9 @@ def test_show_of_the_emulated_board() -> None:
 def test_packages_take_it_from_the_file() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
     assert project["tool"]["setuptools"]["dynamic"]["version"] == {"file": "package/openrtu/src/VERSION"}
-    package = (ROOT / "package/openrtu/python/openrtu/__init__.py").read_text()
-    assert f'\nVERSION = "{VERSION}"  #' in package
+    for package in ("package/openrtu/python/openrtu", "scripts/nuc980"):
+        link = ROOT / package / "VERSION"
+        assert link.is_symlink() and link.samefile(ROOT / "package/openrtu/src/VERSION")
     buildroot = (ROOT / "package/openrtu/openrtu.mk").read_text()
     assert "OPENRTU_VERSION = $(shell cat $(OPENRTU_SITE)/VERSION)\n" in buildroot
 

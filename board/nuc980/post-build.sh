@@ -44,11 +44,13 @@ set_root_password() {
 	sed -i "s|^root:[^:]*:|root:$(<"$site/root-password"):|" "$target/etc/shadow"
 }
 
-# Which OpenRTU it is, in os-release(5)'s words for that; Buildroot's own lines stay.
+# Which OpenRTU it is, in os-release(5)'s words for that, as SWUpdate compares it; Buildroot's own lines stay.
 name_image() {
+	local version
 	[ -f "$target/etc/os-release" ] || return 0
 	sed -i --follow-symlinks '/^IMAGE_/d' "$target/etc/os-release"
-	printf 'IMAGE_ID=openrtu\nIMAGE_VERSION=%s\n' "$(<"$tree/package/openrtu/src/VERSION")" >>"$target/etc/os-release"
+	version=$(PYTHONPATH="$tree/scripts" python3 -m release.version swupdate)
+	printf 'IMAGE_ID=openrtu\nIMAGE_VERSION=%s\n' "$version" >>"$target/etc/os-release"
 }
 
 # Updates are for a board and a site: SWUpdate compares both with what is in the file.

@@ -23,14 +23,14 @@ from nuc980.errors import UnusableInput
 from nuc980.netboot.limits import ROOT_VOLUME
 from nuc980.netboot.slots.command import wrapped
 from nuc980.netboot.slots.layout import NAMES, PLACES, root_volume
+from release.version import swupdate, tree_version
 
 ROOT = Path(__file__).resolve().parents[2]
-VERSION = ROOT / "package" / "openrtu" / "src" / "VERSION"
 DATA_FORMAT = ROOT / "board" / "nuc980" / "rootfs-overlay" / "usr" / "share" / "openrtu" / "data-format"
 SCRIPT = Path(__file__).with_name("update-script.sh")
 BOARD = "nuc980-gateway"
-# What SWUpdate compares versions by: up to four numbers.
-NUMBERS = re.compile(r"\d+(\.\d+){0,3}")
+# What SWUpdate compares versions by: up to four numbers, or three and a candidate (release/version.py).
+VERSION = re.compile(r"\d+(\.\d+){0,3}|\d+\.\d+\.\d+-rc(\.\d+)+")
 SITE = re.compile(r"[A-Za-z0-9._-]+")
 # A board has the whole file in memory until it is known to be good: less than rtu-update's WORK_SIZE.
 MOST = 19 << 20
@@ -114,8 +114,8 @@ def _check(files: dict[str, bytes], version: str, site: str) -> None:
             raise UnusableInput(f"The {name} has {len(files[name])} bytes; a slot takes {area.room}")
     if (size := sum(map(len, files.values()))) > MOST:
         raise UnusableInput(f"The update has {size} bytes; a board's memory takes {MOST}")
-    if not NUMBERS.fullmatch(version):
-        raise UnusableInput(f"{version!r} is no version: boards compare up to four numbers with dots between")
+    if not VERSION.fullmatch(version):
+        raise UnusableInput(f"{version!r} is no version for boards: up to four numbers, or as 1.0.0-rc.1")
     if not SITE.fullmatch(site):
         raise UnusableInput(f"{site!r} is no name of a site: letters, digits, '.', '_' and '-'")
 
@@ -177,7 +177,7 @@ def main(words: Sequence[str] | None = None) -> int:
         content = update_file(
             (given.images / "uImage").read_bytes(),
             (given.images / f"{given.board}.dtb").read_bytes(),
-            given.version or VERSION.read_text(encoding="utf-8").strip(),
+            given.version or swupdate(tree_version()),
             given.site,
             Signer(given.key, given.certificate),
             given.board,

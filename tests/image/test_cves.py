@@ -38,7 +38,7 @@ BILL = {
             "cpe": "cpe:2.3:o:linux:linux_kernel:5.10.140:-:*:*:*:*:*:*",
         },
         {"bom-ref": "busybox", "version": "1.37.0", "cpe": "cpe:2.3:a:busybox:busybox:1.37.0:-:*:*:*:*:*:*"},
-        {"bom-ref": "openrtu", "version": "0.1.0"},
+        {"bom-ref": "openrtu", "version": "1.0.0"},
         {"bom-ref": "host-flex", "version": "2.6.4", "properties": [{"name": "BR_TYPE", "value": "host"}]},
     ],
     "vulnerabilities": [PATCHED],

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from release.version import swupdate, tree_version
+
 SCRIPT = Path(__file__).resolve().parents[2] / "board" / "nuc980" / "post-build.sh"
 LOCKED = "root:*:19000:0:99999:7:::\n"
 HASH = "$6$salt.of/it$Zn.3/abcXYZ0"
@@ -53,8 +55,8 @@ def test_environment_of_u_boot_is_read_only(target: Path) -> None:
 
 
 def test_image_says_its_version_once(target: Path) -> None:
-    """Buildroot's file is a link from etc, and the script runs at every build."""
-    version = (SCRIPT.parents[2] / "package/openrtu/src/VERSION").read_text().strip()
+    """As SWUpdate compares it. Buildroot's file is a link from etc, and the script runs at every build."""
+    version = swupdate(tree_version())
     (target / "usr/lib").mkdir(parents=True)
     (target / "usr/lib/os-release").write_text("NAME=Buildroot\nVERSION=2026.02.3\n")
     (target / "etc/os-release").symlink_to("../usr/lib/os-release")

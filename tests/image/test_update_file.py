@@ -99,7 +99,7 @@ def test_tree_is_wrapped_for_u_boot(content: Path) -> None:
     assert (content / "tree").read_bytes()[64:] == TREE
 
 
-@pytest.mark.parametrize("version", ["", "1.2.3-rc1", "v1", "1.2.3.4.5", '1"; x = "'])
+@pytest.mark.parametrize("version", ["", "1.2.3-rc1", "1.2-rc.1", "v1", "1.2.3.4.5", '1"; x = "'])
 def test_version_that_boards_cannot_compare(version: str, signer: Signer) -> None:
     with pytest.raises(UnusableInput, match="no version"):
         update_file(KERNEL, TREE, version, "station-7", signer)

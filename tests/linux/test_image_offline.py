@@ -29,6 +29,7 @@ from linux.test_run import ended, start
 from linux.test_system import assert_confined, status
 from nuc980.twin.linux import TROUBLE, Linux
 from nuc980.twin.machine import INSTRUCTION_TIME, Machine
+from release.version import swupdate, tree_version
 
 pytestmark = pytest.mark.soak  # its image is an hour's build: make test-offline
 
@@ -181,8 +182,7 @@ def test_nobody_has_a_password(board: Board) -> None:
 
 
 def test_image_says_which_it_is(board: Board) -> None:
-    version = (ROOT / "package/openrtu/src/VERSION").read_text().strip()
-    assert f"IMAGE_VERSION={version}" in board.inside("cat /etc/os-release").splitlines()
+    assert f"IMAGE_VERSION={swupdate(tree_version())}" in board.inside("cat /etc/os-release").splitlines()
 
 
 # ---- networks, lines, time

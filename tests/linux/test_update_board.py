@@ -45,7 +45,7 @@ from peers.ddi import Authority, UpdateServer
 ROOT = Path(__file__).resolve().parents[2]
 PAYLOAD = Path(__file__).parents[1] / "netboot/payload/Makefile"
 KERNEL_BYTES = 300_001
-OLDER = "0.0.9"
+OLDER = "1.0.0-rc.0"
 ERASED = b"\xff" * PAGE
 # What reads the network notes as whom, and with which capabilities.
 READER = """#!/bin/sh

@@ -24,6 +24,7 @@ from nuc980.netboot.limits import BLOCK
 from nuc980.netboot.plan import SetVariable
 from nuc980.netboot.slots.layout import Area
 from nuc980.twin.nand import DATA, PAGES, NandImage
+from release.version import swupdate, tree_version
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ROOT / "build/root/packages"
@@ -41,7 +42,7 @@ PULL = {
         for name in ("libjq.so.1", "libonig.so.5", "libssl.so.3")
     },
 }
-VERSION = (ROOT / "package/openrtu/src/VERSION").read_text().strip()
+VERSION = swupdate(tree_version())
 SITE = "station-7"
 PATIENCE = 180.0
 

@@ -21,6 +21,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
+from pathlib import Path
 from typing import Any, Self
 
 from openrtu import _library
@@ -44,7 +45,8 @@ __all__ = [
 ]
 
 _SELECT, _ANYWAY, _LOCAL = 1, 2, 1  # as openrtu.h has them
-VERSION = "0.1.0"  # as package/openrtu/src/VERSION
+# In the tree a link leads to the file that it has once; a package has a copy.
+VERSION = (Path(__file__).resolve().parent / "VERSION").read_text(encoding="utf-8").strip()
 
 
 class AttachError(SystemExit):

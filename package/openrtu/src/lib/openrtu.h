@@ -228,7 +228,7 @@ enum openrtu_log_level { OPENRTU_ERROR, OPENRTU_WARNING, OPENRTU_INFO, OPENRTU_D
 void openrtu_log(struct openrtu *rtu, enum openrtu_log_level level, const char *text);
 /* A moment of CLOCK_MONOTONIC as time of day, in ns since 1970 UTC, by the gateway's clock. */
 int64_t openrtu_wall_ns(const struct openrtu *rtu, int64_t time_ns);
-/* The library's version, as "0.1.0". */
+/* The library's version, as "1.0.0". */
 const char *openrtu_version(void);
 
 #ifdef __cplusplus
