@@ -8,7 +8,7 @@ SHELL := bash
 MAKEFLAGS += --no-print-directory
 # Containers set it to stay small. Here each of some thousand starts of Python would compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
-.PHONY: help setup build centre centre-page install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot image-offline source unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom cves legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-debug-kernel test-offline test-sanitizers test-native test-changed test busy soak lab run run-native twin bench bench-polls bench-map clean netboot distclean
+.PHONY: help setup tools build centre centre-page install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot image-offline source unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom cves legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-debug-kernel test-offline test-sanitizers test-native test-changed test busy soak lab run run-native twin bench bench-polls bench-map clean netboot distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -16,9 +16,16 @@ BENCH   := tests/bench
 PYTHON  := .venv/bin/python
 LOGGED  := @scripts/logged.sh
 
+# Debian packages, and Python packages in .venv: each target brings the lists that it uses.
 PACKAGES := build/packages.done
-VENV     := .venv/done
-TESTED   := .venv/tests.done
+EMULATED := build/packages.done build/packages-boards.done build/packages-cross.done build/packages-twin.done
+PACKAGE_LISTS := packages packages-boards packages-cross packages-fuzz packages-lint packages-man packages-tests
+VENV     := .venv/python.done
+BOARDS   := .venv/python-boards.done
+CENTRE   := .venv/python-centre.done
+IMAGING  := .venv/python-images.done
+LINTED   := .venv/python-lint.done
+TESTED   := .venv/python-tests.done
 SYSROOT  := build/arm-sysroot/done
 
 # A target's line ends with its group and what it does: `## Build: ...`.
@@ -35,21 +42,30 @@ help: ## Maintain: show this list
 
 # ---- what is needed ------------------------------------------------------------------------------
 
-setup: $(PACKAGES) $(TESTED) ## Maintain: bring what is missing: Debian packages, Python packages into .venv
+setup: LISTS := $(PACKAGE_LISTS)
+setup: $(PACKAGE_LISTS:%=build/%.done) $(TESTED) $(LINTED) ## Maintain: bring what most tests need: Debian packages, Python packages into .venv
 
+tools: $(BOARDS) $(CENTRE) ## Build: what the tools of scripts/ import, into .venv
+
+# LISTS names those that a goal needs besides: who is not root gets one command for all of them.
 build/%.done: scripts/%.txt scripts/setup-packages.sh
-	@scripts/setup-packages.sh $<
+	@scripts/setup-packages.sh $< $(LISTS:%=scripts/%.txt)
 	@mkdir -p $(@D) && touch $@
 
-$(VENV): requirements.txt scripts/setup-python.sh | $(PACKAGES)
-	@scripts/setup-python.sh $(@D) $<
+# The first one makes .venv anew, so the others come again behind it.
+$(VENV): scripts/python.txt requirements.txt scripts/setup-python.sh | $(PACKAGES)
+	@scripts/setup-python.sh $<
 	@touch $@
 
-$(TESTED): requirements-tests.txt $(VENV)
-	$(LOGGED) python-tests $(PYTHON) -m pip install --disable-pip-version-check --requirement $<
+.venv/%.done: scripts/%.txt $(VENV)
+	@scripts/setup-python.sh $<
 	@touch $@
 
-$(SYSROOT): scripts/setup-sysroot.sh | $(PACKAGES)
+$(BOARDS): | build/packages-boards.done
+$(LINTED): | build/packages-lint.done
+$(TESTED): $(BOARDS) $(CENTRE) $(IMAGING) | build/packages-tests.done
+
+$(SYSROOT): scripts/setup-sysroot.sh | build/packages-cross.done
 	$(LOGGED) arm-sysroot scripts/setup-sysroot.sh $(@D)
 	@touch $@
 
@@ -58,9 +74,12 @@ $(SYSROOT): scripts/setup-sysroot.sh | $(PACKAGES)
 # Against hangs only: under qemu-arm on a busy host a test of 2 s has taken 120.
 MESON_TEST = meson test --no-rebuild --print-errorlogs --timeout-multiplier 20
 
-build: build/native/build.ninja build/linesim/build.ninja build/bench/build.ninja ## Build: the gateway for this machine
+build: build/native/build.ninja build/linesim/build.ninja ## Build: the gateway for this machine, and the simulated devices
 	$(LOGGED) native ninja -C build/native
 	$(LOGGED) linesim ninja -C build/linesim
+
+.PHONY: .compared
+.compared: build/bench/build.ninja
 	$(LOGGED) bench ninja -C build/bench
 
 unit: build ## Test: the C unit tests
@@ -74,7 +93,7 @@ asan: .asan ## Test: the C unit tests under AddressSanitizer and UBSan
 	$(LOGGED) asan ninja -C build/asan
 
 # What a program does there, it does here: the plots of all blocks are the same.
-cross: build/arm/build.ninja $(VENV) ## Test: the C unit tests and programs of logic, as ARMv5 code under qemu-arm
+cross: build/arm/build.ninja $(TESTED) ## Test: the C unit tests and programs of logic, as ARMv5 code under qemu-arm
 	$(LOGGED) arm ninja -C build/arm meson-test-prereq logic/logic-desk
 	$(LOGGED) arm-unit $(MESON_TEST) -C build/arm
 	$(LOGGED) arm-logic env OPENRTU_BUILD=build/arm \
@@ -102,20 +121,20 @@ build/asan/build.ninja: $(BUILD_OPTIONS) | $(PACKAGES)
 	  -Doptimization=1 -Dc_args='-fno-sanitize-recover=all -g1'
 
 # clang misses the fields that designated initialisers leave at zero, which is what they are for.
-build/fuzz/build.ninja: $(BUILD_OPTIONS) | $(PACKAGES)
+build/fuzz/build.ninja: $(BUILD_OPTIONS) | $(PACKAGES) build/packages-fuzz.done
 	$(LOGGED) $(notdir $(@D))-setup env CC=clang $(SETUP) -Dfuzz=true -Dtests=disabled -Dsnmp=true -Dweb=true -Db_lundef=false -Db_sanitize=address,undefined \
 	  -Dc_args='-fno-sanitize-recover=all -g1 -Wno-missing-field-initializers'
 
 build/arm/build.ninja: build/sysroot.ini $(BUILD_OPTIONS)
 	$(LOGGED) $(notdir $(@D))-setup $(SETUP) -Dtests=enabled -Dtls=true --cross-file $< --cross-file scripts/armel.ini
 
-build/sysroot.ini: | $(SYSROOT)
+build/sysroot.ini: | $(PACKAGES) $(SYSROOT)
 	@printf "[constants]\nsysroot = '%s'\n" "$(abspath $(dir $(SYSROOT)))" > $@
 
 build/linesim/build.ninja: | $(PACKAGES)
 	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(LINESIM)
 
-build/bench/build.ninja: | $(PACKAGES)
+build/bench/build.ninja: | $(PACKAGES) build/packages-tests.done
 	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(BENCH)
 
 # ---- the control centre's page ---------------------------------------------------------------------
@@ -144,17 +163,17 @@ DESTDIR :=
 INSTALLED = build/installed$(subst /,_,$(PREFIX))
 MAN = build/man
 
-$(INSTALLED)/build.ninja: $(BUILD_OPTIONS) | $(PACKAGES)
+$(INSTALLED)/build.ninja: $(BUILD_OPTIONS) | $(PACKAGES) build/packages-man.done
 	$(LOGGED) $(notdir $(@D))-setup $(SETUP) --prefix=$(PREFIX) --sysconfdir=/etc -Dtests=disabled -Dtls=true -Dsnmp=true -Dweb=true -Dman=true \
 	  -Dsystemd=true
 
 install: $(INSTALLED)/build.ninja ## Build: install the gateway on this machine (PREFIX=/usr/local, DESTDIR=)
 	$(LOGGED) installed ninja -C $(INSTALLED)
-	meson install -C $(INSTALLED) --no-rebuild $(if $(DESTDIR),--destdir $(abspath $(DESTDIR)))
-	[ -e $(DESTDIR)/etc/openrtu/gateway.json ] || \
-	  install -D -m 644 $(SRC)/systemd/gateway.json $(DESTDIR)/etc/openrtu/gateway.json
+	meson install -C $(INSTALLED) --no-rebuild $(if $(DESTDIR),--destdir "$$(realpath -m '$(DESTDIR)')")
+	[ -e '$(DESTDIR)/etc/openrtu/gateway.json' ] || \
+	  install -D -m 644 $(SRC)/systemd/gateway.json '$(DESTDIR)/etc/openrtu/gateway.json'
 
-man: $(INSTALLED)/build.ninja $(VENV) ## Build: the man pages, of the tools too
+man: $(INSTALLED)/build.ninja $(BOARDS) $(CENTRE) ## Build: the man pages, of the tools too
 	$(LOGGED) installed ninja -C $(INSTALLED)
 	mkdir -p $(MAN)
 	cp $(INSTALLED)/man/*.[18] $(MAN)
@@ -162,7 +181,7 @@ man: $(INSTALLED)/build.ninja $(VENV) ## Build: the man pages, of the tools too
 	$(SRC)/man/page.py scripts/nuc980-netboot 1 'boot and flash a NUC980 board' $(MAN)/nuc980-netboot.1
 	$(SRC)/man/page.py scripts/openrtu 1 "OpenRTU's tools for engineers" $(MAN)/openrtu.1
 
-deb: build/packages-deb.done ## Build: the gateway as a Debian package, in build/deb
+deb: $(PACKAGES) build/packages-man.done build/packages-deb.done ## Build: the gateway as a Debian package, in build/deb
 	scripts/build-deb.sh build/deb
 
 # ---- device tree ---------------------------------------------------------------------------------
@@ -176,7 +195,7 @@ SWITCHES :=
 EMPTY :=
 DTB := build/dtb/$(addsuffix /,$(subst $(EMPTY) $(EMPTY),_,$(strip $(SWITCHES))))nuc980-$(BOARD).dtb
 
-dtb: $(VENV) ## Build: the board's device tree: generate, compile, check (BOARD=, SWITCHES=)
+dtb: $(BOARDS) ## Build: the board's device tree: generate, compile, check (BOARD=, SWITCHES=)
 	scripts/nuc980-pins generate
 	scripts/build-dtb.sh $(DTS) $(DTB) $(SWITCHES)
 	scripts/nuc980-pins check --board $(BOARD) $(addprefix -D ,$(SWITCHES)) $(DTS) $(DTB)
@@ -192,7 +211,7 @@ QEMU_PARTS := scripts/build-qemu.sh scripts/patched-source.sh $(wildcard patches
 
 qemu: build/qemu/done ## Build: the emulated board: QEMU with the machine nuc980
 
-build/qemu/done: $(QEMU_PARTS) $(call gone,qemu,$(QEMU_PARTS)) build/qemu/debian.dsc | build/packages-twin.done
+build/qemu/done: $(QEMU_PARTS) $(call gone,qemu,$(QEMU_PARTS)) build/qemu/debian.dsc | $(EMULATED)
 	$(LOGGED) qemu scripts/build-qemu.sh build/qemu/debian $(@D)
 	@echo $(QEMU_PARTS) > $(@D)/parts
 	@touch $@
@@ -201,7 +220,7 @@ UBOOT_PARTS := scripts/build-uboot.sh scripts/patched-source.sh $(wildcard patch
 
 uboot: build/$(OF_BOARD)u-boot/done ## Build: a board's U-Boot (BOARD=)
 
-build/u-boot/done: $(UBOOT_PARTS) $(call gone,u-boot,$(UBOOT_PARTS)) build/u-boot/debian.dsc | build/packages-twin.done
+build/u-boot/done: $(UBOOT_PARTS) $(call gone,u-boot,$(UBOOT_PARTS)) build/u-boot/debian.dsc | $(EMULATED)
 	$(LOGGED) u-boot env NUC980_BOARD=gateway scripts/build-uboot.sh build/u-boot/debian $(@D)
 	@echo $(UBOOT_PARTS) > $(@D)/parts
 	@touch $@
@@ -224,11 +243,11 @@ build/linux/source.inputs: $(LINUX_PARTS) $(call gone,linux,$(LINUX_PARTS)) buil
 	@echo $(LINUX_PARTS) > $(@D)/parts
 	@touch $@
 
-build/linux/done: $(LINUX_PARTS) build/linux/source.inputs | build/packages-twin.done
+build/linux/done: $(LINUX_PARTS) build/linux/source.inputs | $(EMULATED)
 	$(LOGGED) linux scripts/build-linux.sh build/linux/debian $(@D) $(LINUX_FRAGMENTS)
 	@touch $@
 
-build/linux/debian.dsc: scripts/debian-source.sh | build/packages-twin.done
+build/linux/debian.dsc: scripts/debian-source.sh | $(EMULATED)
 	$(LOGGED) linux-source scripts/debian-source.sh linux=$(LINUX_VERSION) $(@D)/debian
 
 linux-debug: build/linux-debug/done ## Build: a Linux that watches itself (locks, DMA, memory), for the tests
@@ -238,26 +257,26 @@ build/linux-debug/done: build/linux/done board/nuc980/linux/debug.fragment
 	@touch $@
 
 # Its recordings of receivers and what it makes of them, and its program, which nobody has to install.
-build/gpsd/done: build/gpsd/debian.dsc scripts/debian-package.sh | build/packages-twin.done
+build/gpsd/done: build/gpsd/debian.dsc scripts/debian-package.sh | $(EMULATED)
 	$(LOGGED) gpsd scripts/debian-package.sh $(@D)/packages gpsd libbluetooth3 libdbus-1-3 libusb-1.0-0
 	@touch $@
 
 # What weighs a receiver's time; installed it would be a service, and take the place of the one that is there.
-build/chronyd/done: scripts/debian-package.sh | build/packages-twin.done
+build/chronyd/done: scripts/debian-package.sh | $(EMULATED)
 	$(LOGGED) chronyd scripts/debian-package.sh $(@D) chrony libcap2 libseccomp2
 	@touch $@
 
 # MIBs that ours refers to: Debian has the texts of the IETF's in this package of its main archive.
-build/mibs/done: scripts/debian-package.sh | build/packages-twin.done
+build/mibs/done: scripts/debian-package.sh | $(EMULATED)
 	$(LOGGED) mibs scripts/debian-package.sh $(@D) erlang-snmp
 	@touch $@
 
 # What graphs a station that speaks SNMP; installed it would be a service.
-build/exporter/done: scripts/debian-package.sh | build/packages-twin.done
+build/exporter/done: scripts/debian-package.sh | $(EMULATED)
 	$(LOGGED) exporter scripts/debian-package.sh $(@D) prometheus-snmp-exporter
 	@touch $@
 
-build/%/debian.dsc: scripts/debian-source.sh | build/packages-twin.done
+build/%/debian.dsc: scripts/debian-source.sh | $(EMULATED)
 	$(LOGGED) $*-source scripts/debian-source.sh $* $(@D)/debian
 
 # ---- the image from Debian's packages ------------------------------------------------------------
@@ -282,7 +301,7 @@ IMAGE_TYPED   := $(filter command,$(origin IMAGE))
 IMAGE_DEBIAN  := $(if $(IMAGE_TYPED),,image-debian)
 IMAGE_FOLDER   = $(if $(IMAGE_TYPED),build/$(IMAGE)/images,$(SYSTEM))
 
-update: $(if $(and $(SITE),$(KEY),$(CERTIFICATE)),$(IMAGE_DEBIAN) $(VENV)) ## Build: a signed update of that image, or IMAGE= (SITE= KEY= CERTIFICATE=)
+update: $(if $(and $(SITE),$(KEY),$(CERTIFICATE)),$(IMAGE_DEBIAN) $(BOARDS)) ## Build: a signed update of that image, or IMAGE= (SITE= KEY= CERTIFICATE=)
 ifeq ($(and $(SITE),$(KEY),$(CERTIFICATE)),)
 	@echo "make update SITE=folder KEY=file CERTIFICATE=file: who gets it, and who signs it (docs/update.md)" >&2; exit 2
 endif
@@ -319,7 +338,7 @@ build/chrony/done: scripts/build-chrony.sh build/chrony/debian.dsc | $(SYSROOT)
 	$(LOGGED) chrony scripts/build-chrony.sh build/chrony/debian $(@D)
 	@touch $@
 
-build/root/packages.done: board/nuc980/system.toml scripts/debian-package.sh | build/packages-twin.done
+build/root/packages.done: board/nuc980/system.toml scripts/debian-package.sh | $(EMULATED)
 	@mkdir -p $(@D)
 	@packages=$$(PYTHONPATH=scripts python3 -m image.rootfs packages) && \
 	  scripts/logged.sh root-packages env ARCHITECTURE=armel scripts/debian-package.sh $(@D)/packages $$packages
@@ -340,7 +359,7 @@ build/arm-release/build.ninja build/arm-release-tls/build.ninja: build/sysroot.i
 	  $(foreach option,tls snmp web,-D$(option)=$(if $(findstring -tls,$@),true,false)) \
 	  --cross-file $< --cross-file scripts/armel.ini
 
-build/dtb/nuc980-%.dtb: $(wildcard dts/nuvoton/*) scripts/build-dtb.sh | $(PACKAGES)
+build/dtb/nuc980-%.dtb: $(wildcard dts/nuvoton/*) scripts/build-dtb.sh | build/packages-boards.done
 	@scripts/build-dtb.sh dts/nuvoton/nuc980-$*.dts $@
 
 # ---- the image -----------------------------------------------------------------------------------
@@ -410,13 +429,13 @@ savedefconfig: build/$(IMAGE)/.config
 	{ sed '/^BR2_/,$$d' configs/$(IMAGE)_defconfig; cat build/$(IMAGE)/saved; } > build/$(IMAGE)/new
 	cp build/$(IMAGE)/new configs/$(IMAGE)_defconfig
 
-newer: $(VENV) ## Maintain: newer releases of Linux and Buildroot (WRITE=1: move to them)
+newer: $(IMAGING) ## Maintain: newer releases of Linux and Buildroot (WRITE=1: move to them)
 	@PYTHONPATH=scripts $(PYTHON) -m image.newer $(if $(WRITE),--write) || [ $$? = 1 ]
 
 # The list of SPDX licences, which Buildroot would fetch.
 LICENCES := $(BR2_DL_DIR)/cyclonedx/spdx-1.6.schema.json
 
-$(LICENCES): $(VENV)
+$(LICENCES): $(IMAGING)
 	@install -D -m 644 .venv/lib/python3*/site-packages/cyclonedx/schema/_res/spdx.SNAPSHOT.schema.json $@
 
 sbom: build/$(IMAGE)/.config $(LICENCES)
@@ -432,7 +451,7 @@ cves: sbom
 	  $(if $(NVD),'$(NVD)',$(BR2_DL_DIR)/buildroot-nvd --fetch) || [ $$? = 1 ]
 	$(if $(filter %-offline,$(IMAGE)),@echo 'What Debian mended within a release is open above: docs/security.md')
 
-check-image: $(VENV) ## Test: the Buildroot configurations, with Buildroot's own tools
+check-image: $(IMAGING) ## Test: the Buildroot configurations, with Buildroot's own tools
 	PYTHONPATH=scripts $(PYTHON) -m image.check $(BUILDROOT_DIR)
 
 $(patsubst %,build/%/images/manifest.json,$(sort $(IMAGES) $(OFFLINE_IMAGES))): build/%/images/manifest.json: build/%/.config FORCE # +: with -j, several packages at a time
@@ -449,7 +468,7 @@ build/%-development/.config: configs/%_defconfig configs/parts/development.confi
 
 # Buildroot has no word for a program that the machine has: offline.py marks the package as built.
 build/%-offline/.config: configs/%_defconfig configs/parts/offline.config $(BUILDROOT_DIR)/Makefile build/offline/overrides.mk build/offline/toolchain/done \
-  | build/packages-image.done build/packages-offline.done
+  | $(EMULATED) build/packages-image.done build/packages-offline.done
 	@mkdir -p $(@D)
 	cat $(filter configs/%,$^) > $(@D)/$*-offline_defconfig
 	$(call buildroot,$*-offline) BR2_DEFCONFIG=$(CURDIR)/$(@D)/$*-offline_defconfig defconfig
@@ -462,10 +481,10 @@ build/offline/overrides.mk: configs/offline.toml scripts/image/offline.py
 	$(MAKE) $$($(OFFLINE) targets)
 	$(OFFLINE) overrides $@
 
-build/offline/toolchain/done: scripts/offline-toolchain.sh $(SYSROOT) | build/packages-offline.done
+build/offline/toolchain/done: scripts/offline-toolchain.sh $(SYSROOT) | $(EMULATED) build/packages-offline.done
 	scripts/offline-toolchain.sh $(@D) $(dir $(SYSROOT))
 
-build/buildroot/Makefile: configs/kas.yml | $(VENV)
+build/buildroot/Makefile: configs/kas.yml | $(IMAGING)
 	KAS_WORK_DIR=build KAS_BUILD_DIR=build/kas .venv/bin/kas checkout --skip setup_environ --skip write_bbconfig $< \
 	  || { scripts/no-buildroot.sh $<; exit 2; }
 	touch $@
@@ -486,7 +505,7 @@ UNDER_SANITIZERS = tests/test_gateway.py tests/test_lines.py tests/test_event_jo
 SHELL_FILES = .ci/run scripts/openrtu scripts/nuc980-pins scripts/nuc980-netboot scripts/kept $(wildcard scripts/*.sh scripts/image/*.sh $(PROGRAMS)/*.sh board/*/*.sh package/*/S[0-9]* \
   board/*/*/etc/init.d/* board/*/*/usr/sbin/*) board/nuc980/skeleton/init board/nuc980/skeleton/usr/share/udhcpc/default.script
 
-lint: $(VENV) ## Test: check the sources: ruff, clang-format, cppcheck, shellcheck
+lint: $(LINTED) ## Test: check the sources: ruff, clang-format, cppcheck, shellcheck
 	$(PYTHON) -m ruff check .
 	$(PYTHON) -m ruff format --check .
 	@echo clang-format --dry-run -Werror
@@ -501,8 +520,15 @@ WORKERS := 4
 PYTEST = OPENRTU_TIMES=build/times/$@.json $(PYTHON) tests/alone.py -n $(WORKERS) --dist loadfile --no-loadscope-reorder \
   --max-worker-restart 0
 
-test-quick: $(VENV) ## Test: lint, C unit tests, the quick half of pytest, in two minutes
-	$(MAKE) --jobs 3 --output-sync=line lint unit .quick
+test-quick: LISTS := packages packages-lint packages-boards packages-man packages-tests
+test-quick: $(PACKAGES) $(LINTED) $(TESTED) ## Test: lint, C unit tests, the quick half of pytest
+	$(MAKE) --jobs 3 .lint-logged unit .venv/collected
+	@echo '   * pytest: some 4 000 quick tests, five at a time; a dot each'
+	$(MAKE) .quick
+
+.PHONY: .lint-logged
+.lint-logged:
+	$(LOGGED) lint $(MAKE) lint
 
 # Nothing on the emulated board is quick, and nobody begins with the bench: each worker would read these files.
 QUICK := --ignore=tests/linux --ignore=tests/twin --ignore=tests/bench -m "not slow and not soak"
@@ -525,7 +551,7 @@ AREA = $(PYTEST) $(or $(FILES),--area $(@:test-%=%))
 test-station: build $(TESTED) ## Test: the controlled station: IEC 104 and TLS
 test-lines: build $(TESTED) ## Test: the Modbus lines
 test-gateway: build .asan fuzzers build/packages-deb.done build/gpsd/done build/chronyd/done build/mibs/done build/exporter/done $(TESTED) ## Test: the gateway as a whole, its configuration, the tree
-test-bench: build $(TESTED) ## Test: what make bench measures with
+test-bench: build .compared $(TESTED) ## Test: what make bench measures with
 test-pins: $(TESTED) ## Test: nuc980-pins
 test-image: $(TESTED) ## Test: the images' configuration and what makes them
 test-netboot: build qemu uboot $(TESTED) ## Test: nuc980-netboot
@@ -554,22 +580,22 @@ test-offline: build qemu uboot $(TESTED) ## Test: the image of image-offline on 
 test-sanitizers: build .asan $(TESTED) ## Test: the gateway's tests, its modules under AddressSanitizer and UBSan
 	OPENRTU_BUILD=build/asan $(PYTEST) $(UNDER_SANITIZERS)
 
-test-native: build .asan fuzzers qemu uboot centre-page build/packages-deb.done build/packages-centre.done build/gpsd/done build/chronyd/done build/mibs/done build/exporter/done $(TESTED) ## Test: all of pytest but Linux on the emulated board
+test-native: build .compared .asan fuzzers qemu uboot centre-page build/packages-deb.done build/packages-centre.done build/gpsd/done build/chronyd/done build/mibs/done build/exporter/done $(TESTED) ## Test: all of pytest but Linux on the emulated board
 	$(PYTEST) --ignore=tests/linux
 
-test-changed: $(VENV) ## Test: what a change can reach, and why (BASE=commit: since that one)
+test-changed: $(TESTED) ## Test: what a change can reach, and why (BASE=commit: since that one)
 	$(PYTHON) tests/changed.py $(BASE)
 
 # Two things run beside each other. First the parts that compile, with the kernels and the images in the time that their
 # tests wait (nice); then test-native, which waits half of its time, with test-linux, which fills a core for each guest.
 # What several of them need is built before, by one make. Of the downloads and the configuring, which wait as well, two run
 # at a time.
-SHARED     := build qemu uboot centre-page build/packages-deb.done build/packages-centre.done build/sysroot.ini \
+SHARED     := build .compared qemu uboot centre-page build/packages-deb.done build/packages-centre.done build/sysroot.ini \
   build/gpsd/done build/chronyd/done build/mibs/done
 ONLY_LINUX := linux build/boards/numaker/u-boot/done build/swupdate/done build/curl/done $(SYSTEM_PARTS) build/root/gateway-tls.done
 PARTS      := lint unit asan cross fuzzers test-sanitizers
 
-test: $(VENV) ## Test: all but soak, test-debug-kernel, test-offline; then what it cost
+test: $(TESTED) $(LINTED) ## Test: all but soak, test-debug-kernel, test-offline; then what it cost
 	rm -rf build/times
 	mkdir -p build/log; failed=; parts=; begun=0; linux=; native=; \
 	ended() { parts+="$$(printf '\n%6d s  %s' $$((SECONDS - begun)) "$$1")"; begun=$$SECONDS; }; \
@@ -609,36 +635,36 @@ run-native: build $(VENV) ## See it: the gateway on this machine, built and show
 	@$(LAB) $(AT_PORT) $(if $(KEEP),--keep)
 
 # The system of `make run`, for a site of its own; its engineer brings the configuration with SNMPv3 later.
-lab: $(VENV) build/packages-twin.done ## Build: the image that `make run` boots
+lab: $(VENV) $(EMULATED) ## Build: the image that `make run` boots
 	@$(LAB).site build/site
 	@$(MAKE) image-debian SITE=build/site/lab GATEWAY=gateway-tls
 
 # 20 simulated stations, or STATIONS=file, the centre's file of one's own.
-centre: build centre-page $(VENV) ## See it: a control centre with 20 simulated RTUs (KEEP=1; PORT=; STATIONS=file)
+centre: build centre-page $(VENV) $(BOARDS) $(CENTRE) ## See it: a control centre with 20 simulated RTUs (KEEP=1; PORT=; STATIONS=file)
 	@$(LAB).centre_show $(AT_PORT) $(if $(KEEP),--keep) $(if $(STATIONS),--stations '$(STATIONS)')
 
 ifndef IMAGE_TYPED
-run: build qemu uboot lab $(VENV) ## See it: the emulated board, from reset to the control room (KEEP=1; PORT=; IMAGE=)
+run: build qemu uboot lab $(BOARDS) ## See it: the emulated board, from reset to the control room (KEEP=1; PORT=; IMAGE=)
 	@$(LAB).board_show $(AT_PORT) $(if $(KEEP),--keep)
 else ifndef SITE
-run: qemu uboot $(VENV)
+run: qemu uboot $(BOARDS)
 	@$(LAB).image '$(IMAGE)'
 else # which it was made with
-run: build qemu uboot $(VENV)
+run: build qemu uboot $(BOARDS)
 	@$(LAB).board_show $(AT_PORT) $(if $(KEEP),--keep) --image '$(IMAGE)'
 endif
 
-twin: qemu uboot $(VENV) ## See it: the emulated board: from reset to a file over TFTP, its pins, a wrong pin
+twin: qemu uboot $(BOARDS) ## See it: the emulated board: from reset to a file over TFTP, its pins, a wrong pin
 	@$(LAB).twin_show
 
-bench-polls: build $(TESTED) ## Maintain: of the bench the polls of positions and their octets alone: figure 9
+bench-polls: build .compared $(TESTED) ## Maintain: of the bench the polls of positions and their octets alone: figure 9
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/polls.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/octets.py
 
 bench-map: build centre-page build/packages-centre.done $(TESTED) ## Maintain: frames a second of the control centre's map
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/frames.py
 
-bench: build qemu uboot build/root/gateway-tls.done build/net-snmp-agent/done $(VENV) ## Maintain: measure ours beside what else does it (docs/bench.md; LIB60870=folder)
+bench: build .compared qemu uboot build/root/gateway-tls.done build/net-snmp-agent/done $(TESTED) ## Maintain: measure ours beside what else does it (docs/bench.md; LIB60870=folder)
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/bench.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/stations.py $(if $(LIB60870),--lib60870 '$(LIB60870)')
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/lines.py
@@ -655,7 +681,7 @@ bench: build qemu uboot build/root/gateway-tls.done build/net-snmp-agent/done $(
 
 # ---- a real board --------------------------------------------------------------------------------
 
-netboot: $(IMAGE_DEBIAN) $(VENV) ## A board: boot it over UART and Ethernet (PORT=, BOARD_IP=, SITE=, IMAGE=, BOARD=)
+netboot: $(IMAGE_DEBIAN) $(BOARDS) ## A board: boot it over UART and Ethernet (PORT=, BOARD_IP=, SITE=, IMAGE=, BOARD=)
 	scripts/nuc980-netboot boot --port $(PORT) $(if $(SITE),--site $(SITE_SETTINGS)) $(if $(BOARD_IP),--board-ip $(BOARD_IP)) \
 	  --console $(IMAGE_FOLDER)/uImage $(IMAGE_FOLDER)/nuc980-$(BOARD).dtb
 

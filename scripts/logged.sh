@@ -16,12 +16,12 @@ if [[ -n ${CI:-} ]]; then tail=200; else tail=40; fi
 progress() {
 	awk '
 		/^\[[0-9]+\/[0-9]+\] / { split(substr($1, 2), n, "[/\\]]"); done = n[1]; all = n[2]; unit = "objects" }
-		/^ +(HOST)?(CC|AS)( +\[M\])? / { done++; unit = "objects" }
-		/ newly installed, / { all = $1 + $3; unit = "packages" }
-		/^Setting up / { done++ }
+		/^ +(HOST)?(CC|AS)( +\[M\])? +[^ ]+$/ { done++; unit = "objects" }
+		/^[0-9]+ upgraded, [0-9]+ newly installed, / { all = $1 + $3; unit = "packages" }
+		/^Setting up .*\.\.\.$/ { done++ }
 		/^Collecting / { done++; unit = "packages" }
 		/^ *[0-9]+\/[0-9]+ .* (OK|FAIL|SKIP|TIMEOUT|ERROR) / { split($1, n, "/"); done = n[1]; all = n[2]; unit = "tests" }
-		/>>> / { sub(/.*>>> /, ""); gsub(/\033\[[0-9;]*m/, ""); latest = $0 }
+		/^(\033\[7m)?>>> / { sub(/.*>>> /, ""); gsub(/\033\[[0-9;]*m/, ""); latest = $0 }
 		END {
 			if (latest) print latest
 			else if (all) printf "%d of %d %s\n", done, all, unit

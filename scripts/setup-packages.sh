@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-3.0-or-later
-# setup-packages.sh LIST: installs the Debian packages of LIST that are missing; without root prints the command that would.
+# setup-packages.sh LIST...: installs the Debian packages of the lists that are missing; without root prints the command that
+# would. In a list, `a | b` is one package by the names that it has in several releases of Debian.
 set -euo pipefail
 
-mapfile -t wanted < <(sed 's/[[:space:]]*#.*//; /^[[:space:]]*$/d' "$1")
+mapfile -t wanted < <(sed 's/[[:space:]]*#.*//; /^[[:space:]]*$/d; s/[[:space:]]*|[[:space:]]*/|/g' "$@" | sort -u)
 
 if ! command -v dpkg-query apt-get >/dev/null; then
 	echo "setup: this is not a Debian system; install what these packages contain, then type touch build/packages.done:"
@@ -11,10 +12,29 @@ if ! command -v dpkg-query apt-get >/dev/null; then
 	exit 2
 fi >&2
 
+is_installed() {
+	[[ $(dpkg-query --show --showformat='${db:Status-Status}' "$1" 2>/dev/null) == installed ]]
+}
+
+# The name of a missing package that this release has, or nothing if one of its names is installed.
+missing_name() {
+	local name names
+	IFS='|' read -ra names <<<"$1"
+	for name in "${names[@]}"; do
+		! is_installed "$name" || return 0
+	done
+	for name in "${names[@]}"; do
+		if apt-cache show "$name" >/dev/null 2>&1; then
+			echo "$name"
+			return
+		fi
+	done
+	echo "${names[0]}"
+}
+
 missing=()
 for package in "${wanted[@]}"; do
-	status=$(dpkg-query --show --showformat='${db:Status-Status}' "$package" 2>/dev/null) || status=unknown
-	[[ $status == installed ]] || missing+=("$package")
+	mapfile -t -O "${#missing[@]}" missing < <(missing_name "$package")
 done
 [[ ${#missing[@]} -gt 0 ]] || exit 0
 

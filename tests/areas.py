@@ -172,7 +172,7 @@ REACH = [
     ("scripts/Containerfile", "test-image"),
     (
         "scripts/release/version.py",
-        f"test-image tests/test_version.py tests/test_installation.py {ON_BOARD}"
+        f"test-image tests/test_version.py tests/test_installation.py tests/test_foreign.py {ON_BOARD}"
         " tests/linux/test_update_versions.py",
     ),
     ("scripts/release-files.sh", "test-image"),

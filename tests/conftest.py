@@ -18,6 +18,7 @@ from areas import AREAS, area_of
 from desk import Desk, chapter_5, desk_of
 from lab.turns import take_short_turns
 from peers import mms
+from rights import Rights
 from times import Times
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -107,6 +108,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> FileByF
 def pytest_configure(config: pytest.Config) -> None:
     search_path.complete_own()
     config.pluginmanager.register(Times())
+    config.pluginmanager.register(Rights())
     take_short_turns()
     # A run in the background, or under nohup, ignores these, and so would all that the tests start.
     for number, action in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):

@@ -36,7 +36,7 @@ def completed(gateway: Gateway, *words: str) -> list[str]:
     """What the last word can become."""
     line = shlex.join(["rtuctl", "--map", str(gateway.map), *words])
     script = f"""
-        source {gateway.build}/rtuctl/rtuctl.bash
+        source {shlex.quote(str(gateway.build))}/rtuctl/rtuctl.bash
         COMP_WORDS=({line}) COMP_CWORD={len(words) + 2}
         _rtuctl
         printf '%s\\n' "${{COMPREPLY[@]}}"

@@ -7,6 +7,7 @@ import itertools
 import json
 import os
 import random
+import shlex
 import shutil
 import signal
 import subprocess
@@ -167,7 +168,7 @@ def run_on_the_desk(events: Path, points: Path, programs: Path) -> list[int]:
     file = points.with_suffix(".st")
     file.write_text("PROGRAM p VAR_EXTERNAL a, b : DINT; END_VAR b := a; END_PROGRAM")
     words = ["run", file, events, "--json", "--period=1", f"--points={points}", f"--name=a={counted}"]
-    machine = {"OPENRTU_LOGIC_DESK": str(programs / "logic/logic-desk")}
+    machine = {"OPENRTU_LOGIC_DESK": shlex.quote(str(programs / "logic/logic-desk"))}
     done = subprocess.run(
         [ROOT / "scripts/openrtu", "logic", *words], env=os.environ | machine, capture_output=True, check=True
     )

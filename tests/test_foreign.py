@@ -2,7 +2,6 @@
 """Modules that others wrote: in Python and C on libopenrtu, seen by a controlling station, and gone wild."""
 
 import json
-import os
 import re
 import shutil
 import subprocess
@@ -18,6 +17,7 @@ from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.master import Master, Report
 from lab.modules import EXAMPLES, HEADER, PACKAGE, compiled, library, place, program
 from release.version import pep440
+from rights import SUPERUSER, needed
 
 pytestmark = pytest.mark.slow
 
@@ -25,9 +25,7 @@ ROOT = Path(__file__).resolve().parent.parent
 FIXTURES = ROOT / "tests/fixtures/foreign"
 TANK, PUMP, SMOOTH, WILD, WITNESS = 901, 902, 903, 904, 905  # common addresses
 STATIONS = (TANK, PUMP, SMOOTH, WILD, WITNESS)
-AS_ROOT = pytest.mark.skipif(
-    os.geteuid() != 0, reason="each module has a user of its own only if rtud is root's"
-)
+AS_ROOT = needed(SUPERUSER, "each module has a user of its own only if rtud is root's")
 PATIENCE_S = 60.0
 LIMIT_MS = 2000  # a module that a busy host lets wait is not dead
 

@@ -2,7 +2,6 @@
 """GOOSE on the loopback interface, with libiec61850 as the other, tshark as the judge, and hostile frames."""
 
 import json
-import os
 import random
 import re
 import socket
@@ -18,6 +17,7 @@ import pytest
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.modules import compiled, place, program
 from peers.goose_peer import Peer, peer
+from rights import SUPERUSER, need
 
 pytestmark = pytest.mark.slow
 
@@ -108,8 +108,7 @@ class Bay:
 
 @pytest.fixture(scope="module")
 def running(programs: Path) -> Iterator[Bay]:
-    if os.geteuid() != 0:
-        pytest.skip("a socket on an interface's frames is root's")
+    need(SUPERUSER, "a socket on an interface's frames is root's")
     directory = run_directory()
     try:
         place(directory, programs)
@@ -231,8 +230,7 @@ def test_what_tshark_reads(bay: Bay, tmp_path: Path) -> None:
 
 def test_a_rush_of_changes_is_a_bounded_number_of_messages(programs: Path) -> None:
     """Some of 900 changes in a row are merged into the next; the last one is told."""
-    if os.geteuid() != 0:
-        pytest.skip("a socket on an interface's frames is root's")
+    need(SUPERUSER, "a socket on an interface's frames is root's")
     directory = run_directory()
     rush = {"control_block": "RUSHLD0/LLN0$GO$rush", "data_set": "RUSHLD0/LLN0$rush", "app_id": 0x1004}
     hearer = peer("hear", INTERFACE, rush["control_block"], str(rush["app_id"]))

@@ -20,10 +20,11 @@ from lab.gateway import Gateway
 from lab.linesim import LineSim
 from lab.master import Monitor
 from peers.goose_peer import Peer, peer
+from rights import SUPERUSER, needed
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(os.geteuid() != 0, reason="interfaces and sockets on their frames are root's"),
+    needed(SUPERUSER, "interfaces and sockets on their frames are root's"),
 ]
 
 CA, DEVICE, INPUTS = 1005, "1.5", 4

@@ -15,6 +15,7 @@ from capture import Connection, Relay, dissect_mms
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from peers import mms
 from peers.mms import Client, element
+from rights import SUPERUSER, need
 from test_iec61850_scl import DEVICE, site_config
 
 TESTS = Path(__file__).resolve().parent
@@ -158,6 +159,7 @@ def test_a_reading_ends_with_its_client(gateway: Gateway, file: bytes) -> None:
 
 def test_a_changed_publication_is_in_it(gateway: Gateway) -> None:
     """Of GOOSE, whose other module goes on."""
+    need(SUPERUSER, "rtu-goose has a socket on an interface's frames")
     config = gateway.configuration()
     changed = copy.deepcopy(config)
     changed["goose"]["publish"][0]["conf_rev"] = 8

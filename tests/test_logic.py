@@ -6,6 +6,7 @@ import math
 import os
 import random
 import re
+import shlex
 import struct
 import subprocess
 import zlib
@@ -30,7 +31,7 @@ SECOND = 1_000_000
 @pytest.fixture(autouse=True)
 def machine(programs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if "OPENRTU_LOGIC_DESK" not in os.environ:
-        monkeypatch.setenv("OPENRTU_LOGIC_DESK", str(programs / "logic/logic-desk"))
+        monkeypatch.setenv("OPENRTU_LOGIC_DESK", shlex.quote(str(programs / "logic/logic-desk")))
 
 
 def scans(

@@ -5,6 +5,7 @@ import math
 import os
 import random
 import re
+import shlex
 import statistics
 import subprocess
 import sys
@@ -34,7 +35,7 @@ STANDARD = {"SR", "RS", "R_TRIG", "F_TRIG", "CTU", "CTD", "CTUD", "TON", "TOF", 
 @pytest.fixture(autouse=True)
 def machine(programs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if "OPENRTU_LOGIC_DESK" not in os.environ:
-        monkeypatch.setenv("OPENRTU_LOGIC_DESK", str(programs / "logic/logic-desk"))
+        monkeypatch.setenv("OPENRTU_LOGIC_DESK", shlex.quote(str(programs / "logic/logic-desk")))
 
 
 @pytest.fixture(scope="module")

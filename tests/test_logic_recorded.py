@@ -3,6 +3,7 @@
 
 import json
 import os
+import shlex
 import struct
 import zlib
 from pathlib import Path
@@ -35,7 +36,7 @@ POINTS = [("tank/level", 1, "float"), ("q0", 2, "double"), ("door", 3, "single")
 @pytest.fixture(autouse=True)
 def desk(programs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if "OPENRTU_LOGIC_DESK" not in os.environ:
-        monkeypatch.setenv("OPENRTU_LOGIC_DESK", str(programs / "logic/logic-desk"))
+        monkeypatch.setenv("OPENRTU_LOGIC_DESK", shlex.quote(str(programs / "logic/logic-desk")))
     monkeypatch.setattr(recorded, "EVENTS", programs / "journal/journal-events")
 
 

@@ -23,6 +23,7 @@ import pytest
 
 from desk import chapter_5, errors_of
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
+from rights import SUPERUSER, needed
 
 STATION = "rtu-iec104"
 LINES = ("rtu-modbus-1", "rtu-modbus-2")
@@ -166,7 +167,7 @@ def test_files_of_the_map_are_nobody_elses(gateway: Gateway) -> None:
             assert os.geteuid() != 0 or segment.stat().st_gid == MODULES_GROUP
 
 
-@pytest.mark.skipif(os.geteuid() != 0, reason="other users take root to become")
+@needed(SUPERUSER, "other users take root to become")
 def test_map_is_shown_to_its_group_alone(gateway: Gateway) -> None:
     def rtuctl(group: int, *words: str) -> subprocess.CompletedProcess[str]:
         who = ["setpriv", "--reuid=65534", f"--regid={group}", "--clear-groups", "--"]

@@ -5,10 +5,13 @@ import fnmatch
 import itertools
 import os
 import re
+import shutil
 import subprocess
+import sys
 import tomllib
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 
@@ -40,15 +43,24 @@ PLACE = re.compile(
 ON_BOARD = Path("tests/linux")
 
 
-def git_files() -> list[Path]:
+def git_files(root: Path) -> list[Path]:
     """Every file of the tree, also one not yet added, without what .gitignore leaves out."""
+    if (root / ".git").exists():
+        return listed_files(root, root / ".git")
+    with TemporaryDirectory() as folder:  # a release's tarball: an empty repository reads .gitignore
+        subprocess.run(["git", "init", "--quiet", "--bare", folder], check=True)
+        return listed_files(root, Path(folder))
+
+
+def listed_files(root: Path, repository: Path) -> list[Path]:
     # A checkout that another user owns, as in a container, is no reason to stop.
-    git = ["git", "-c", "safe.directory=*", "ls-files", "-z", "-co", "--exclude-standard"]
-    names = subprocess.run(git, cwd=ROOT, check=True, capture_output=True, text=True).stdout.split("\0")
-    return sorted({Path(name) for name in names if name and (ROOT / name).is_file()})
+    git = ["git", "-c", "safe.directory=*", f"--git-dir={repository}", f"--work-tree={root}"]
+    command = [*git, "ls-files", "-z", "-co", "--exclude-standard"]
+    names = subprocess.run(command, cwd=root, check=True, capture_output=True, text=True).stdout.split("\0")
+    return sorted({Path(name) for name in names if name and (root / name).is_file()})
 
 
-FILES = git_files()
+FILES = git_files(ROOT)
 PAGES = [path for path in FILES if path.suffix == ".md"]
 LICENSED = [path for path in FILES if path.parent != Path("LICENSES")]
 
@@ -73,6 +85,45 @@ def table_licence(path: Path) -> str | None:
     tables = tomllib.loads(text_of(Path("REUSE.toml")))["annotations"]
     licences = [table[TAG] for table in tables if TAG in table and fnmatch.fnmatch(str(path), table["path"])]
     return licences[-1] if licences else None
+
+
+def test_a_tarball_has_the_files_of_its_clone(tmp_path: Path) -> None:
+    """Without .git, built and run in, below another clone's folder or not."""
+    for file in FILES:
+        (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / file).symlink_to(ROOT / file)
+    (tmp_path / ".gitignore").unlink()  # which git reads from no link
+    shutil.copy(ROOT / ".gitignore", tmp_path)
+    for made in ("build/log/x.log", ".venv/pyvenv.cfg", "tests/__pycache__/x.pyc"):
+        (tmp_path / made).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / made).touch()
+    assert git_files(tmp_path) == FILES
+
+
+def test_each_python_package_of_a_list_is_pinned_once() -> None:
+    """scripts/python*.txt name them, requirements.txt their versions, and those of what they import."""
+    pins = [
+        line.partition("==")[0] for line in text_of(Path("requirements.txt")).splitlines() if "==" in line
+    ]
+    lists = [path for path in FILES if path.match("scripts/python*.txt")]
+    named = [line for path in lists for line in text_of(path).splitlines() if not line.startswith("#")]
+    assert len(lists) > 4 and len(named) == len(set(named))
+    assert set(named) <= set(pins) and len(pins) == len({pin.lower() for pin in pins})
+
+
+@pytest.mark.slow
+def test_nothing_is_installed_that_is_not_pinned() -> None:
+    pins = {line for line in text_of(Path("requirements.txt")).splitlines() if "==" in line}
+    frozen = subprocess.run(
+        [sys.executable, "-m", "pip", "freeze"], check=True, capture_output=True, text=True
+    ).stdout
+    installed = {line for line in frozen.splitlines() if "==" in line}
+    assert {spelled(line) for line in installed} <= {spelled(line) for line in pins}
+
+
+def spelled(pin: str) -> str:
+    """As PEP 503 compares names."""
+    return re.sub(r"[-_.]+", "-", pin).lower()
 
 
 def test_licence_is_the_folders() -> None:

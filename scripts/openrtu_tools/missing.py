@@ -13,5 +13,5 @@ def what_to_type(error: ModuleNotFoundError, extra: str) -> str:
         raise error
     command = f"{sys.executable} -m pip install 'openrtu-tools[{extra}]'"
     if (CLONE / "pyproject.toml").is_file():
-        command = f"make -C {CLONE} setup"
+        command = f"make -C {CLONE} tools"
     return f"the Python package {error.name.partition('.')[0]} is missing; type: {command}"

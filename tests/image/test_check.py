@@ -18,11 +18,11 @@ ROOT = Path(__file__).resolve().parents[2]
 MAKEFILE = """\
 export BR2_VERSION := {version}
 %_defconfig:
-	sed '{lose}' $(BR2_EXTERNAL)/configs/$@ > $(O)/.config
+	sed '{lose}' "$(BR2_EXTERNAL)/configs/$@" > "$(O)/.config"
 defconfig:
-	sed '{lose}' $(BR2_DEFCONFIG) > $(O)/.config
+	sed '{lose}' "$(BR2_DEFCONFIG)" > "$(O)/.config"
 savedefconfig:
-	sed '{save}' $(O)/.config > $(BR2_DEFCONFIG)
+	sed '{save}' "$(O)/.config" > "$(BR2_DEFCONFIG)"
 show-info:
 	@echo '{info}'
 """

@@ -95,13 +95,9 @@ class Tree:
         (folder / ".venv").mkdir()
         for name in ("bin", "lib", "pyvenv.cfg"):
             (folder / ".venv" / name).symlink_to(Path(sys.prefix) / name)
-        for done in (
-            "build/packages.done",
-            "build/packages-image.done",
-            "build/packages-offline.done",
-            ".venv/done",
-        ):
-            (folder / done).touch()
+        for kind, place in (("packages", "build"), ("python", ".venv")):
+            for each in (folder / "scripts").glob(f"{kind}*.txt"):
+                (folder / place / f"{each.stem}.done").touch()
         self.buildroot = folder / "buildroot"
         self.buildroot.mkdir()
         (self.buildroot / "Makefile").write_text(BUILDROOT)
@@ -225,7 +221,6 @@ def test_source_is_one_folder_for_a_build_without_network(tree: Tree) -> None:
     text = "Version: 1-1\n"
     row = f'package = "a"\ndebian = "a"\nversion = "1-1"\nsha256 = "{sha256(text.encode()).hexdigest()}"'
     (tree.folder / "configs/offline.toml").write_text(f"[[source]]\n{row}\n[programs]\n")
-    (tree.folder / "build/packages-twin.done").touch()
     fetcher = tree.folder / "scripts/debian-source.sh"
     fetcher.write_text(f"#!/bin/sh\nmkdir -p $2 && echo source > $2/file && printf '{text}' > $2.dsc\n")
     done = tree.make_with_stand_in("source", "IMAGES=nuc980_uboot-offline")
@@ -400,7 +395,6 @@ def test_what_cannot_be_used_is_said_before_anything_is_built(
 def test_patch_that_is_gone_is_built_without(tree: Tree) -> None:
     built = tree.folder / "built"
     patches = [tree.folder / "patches" / name / "0002-x.patch" for name in ("qemu", "uboot", "linux/6.1")]
-    (tree.folder / "build/packages-twin.done").touch()
     for name, patch in zip(("qemu", "u-boot", "linux"), patches, strict=True):
         patch.parent.mkdir(parents=True)
         patch.touch()

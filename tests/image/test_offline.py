@@ -274,6 +274,7 @@ def test_toolchain_is_one_that_buildroot_takes(toolchain: Path) -> None:
     assert not [link for link in sysroot.rglob("*") if link.is_symlink() and not link.exists()]
 
 
+@pytest.mark.slow
 def test_toolchain_knows_nothing_of_the_machines_libraries(toolchain: Path, tmp_path: Path) -> None:
     source = tmp_path / "time.c"
     source.write_text("#include <time.h>\n#include <math.h>\nint main(void) { return (int)sin(time(0)); }\n")
@@ -290,12 +291,14 @@ def test_toolchain_knows_nothing_of_the_machines_libraries(toolchain: Path, tmp_
     )
 
 
+@pytest.mark.slow
 def test_toolchain_has_the_c_library_as_it_was_mended(toolchain: Path) -> None:
     sysroot = toolchain / "arm-linux-gnueabi/sysroot"
     for file in ("lib/libnsl.so.1", "usr/lib/libg.a"):
         assert (sysroot / file).read_text() == "mended since"
 
 
+@pytest.mark.slow
 def test_ccache_knows_the_compiler_again(toolchain: Path) -> None:
     """By its time, which is Debian's."""
     times = {(toolchain / "bin" / f"arm-linux-gnueabi-{name}").stat().st_mtime for name in ("cc", "gcc")}

@@ -6,6 +6,8 @@ import re
 import subprocess
 from pathlib import Path
 
+from rights import NETWORK, need
+
 OVERLAY = Path(__file__).resolve().parents[2] / "board" / "nuc980" / "rootfs-overlay"
 SSH = OVERLAY / "etc/init.d/S85sshd"
 SYSCTL = OVERLAY / "etc/sysctl.d/openrtu.conf"
@@ -51,6 +53,7 @@ def test_openssh_keeps_its_key_and_never_takes_half_of_one(tmp_path: Path) -> No
 
 def test_no_neighbour_tells_a_port_where_its_packets_go(tmp_path: Path) -> None:
     """In a network of its own, with two ports that are there before the settings, as on the board."""
+    need(NETWORK, "the kernel's settings of ports")
     namespace = ["unshare", "--net"] if os.geteuid() == 0 else ["unshare", "--map-root-user", "--net"]
     settings = tmp_path / "settings"
     settings.write_text("".join(line for line in SYSCTL.open() if line.startswith("net.")))

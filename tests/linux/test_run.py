@@ -177,7 +177,7 @@ def traced(program: Path, inputs: Path, desk: Path) -> str:
     return subprocess.run(
         words,
         cwd=ROOT,
-        env=os.environ | {"OPENRTU_LOGIC_DESK": str(desk)},
+        env=os.environ | {"OPENRTU_LOGIC_DESK": shlex.quote(str(desk))},
         capture_output=True,
         text=True,
         check=True,

@@ -24,7 +24,7 @@ Boot = Callable[..., subprocess.CompletedProcess[str]]
 def virt(emulated: Callable[..., Emulated]) -> Emulated:
     """The host is 10.9.0.1 on a wire to the board. The RAM starts at 0x40000000; there is no flash."""
     if subprocess.run([*IN_NETWORK, "true"], capture_output=True).returncode:
-        pytest.skip("this kernel gives an unprivileged user no network of their own")
+        pytest.skip("needs a network of its own: the host beside the board")
     wire = "tap,ifname=board,script=no,downscript=no,model=virtio-net-pci"
     machine = emulated(
         *IN_NETWORK, "qemu-system-arm", "-M", "virt", "-m", "128", "-bios", UBOOT, "-nic", wire

@@ -108,6 +108,7 @@ class Authority:
         lines = ["basicConstraints = critical, CA:false", f"extendedKeyUsage = {usage}"]
         lines += [f"subjectAltName = {names}"] if names else []
         extensions.write_text("\n".join(lines) + "\n")
+        made.key.unlink(missing_ok=True)  # one of mode 0400 only root may write over
         asked = ["-new", "-nodes", *key.split(), "-subj", f"/CN={name}", "-keyout", made.key]
         openssl("req", *asked, "-out", request)
         signed = ["-in", request, "-extfile", extensions, "-out", made.certificate]

@@ -228,11 +228,14 @@ def test_without_its_packages_it_says_what_to_type(tmp_path: Path) -> None:
         [tmp_path / "scripts" / "nuc980-pins", "check"], env=environment, capture_output=True, text=True
     )
     assert done.returncode == UNUSABLE
-    assert f"make -C {tmp_path} setup" in done.stderr
+    assert f"make -C {tmp_path} tools" in done.stderr
 
 
 def test_a_reader_that_has_seen_enough(good: Path) -> None:
     done = subprocess.run(
-        f"{PROGRAM} explain PA0 PA1 PA2 | head -1", shell=True, capture_output=True, text=True
+        f"{shlex.quote(str(PROGRAM))} explain PA0 PA1 PA2 | head -1",
+        shell=True,
+        capture_output=True,
+        text=True,
     )
     assert (done.stderr, len(done.stdout.splitlines())) == ("", 1)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import subprocess
 import tempfile
 from collections.abc import Sequence
@@ -54,8 +55,8 @@ class Scan:
 
 
 def desk_command() -> list[str]:
-    """OPENRTU_LOGIC_DESK names another machine, with what runs it, as `qemu-arm -L … logic-desk`."""
-    if words := os.environ.get("OPENRTU_LOGIC_DESK", "").split():
+    """OPENRTU_LOGIC_DESK names another machine, in a shell's words: `qemu-arm -L … logic-desk`."""
+    if words := shlex.split(os.environ.get("OPENRTU_LOGIC_DESK", "")):
         return words
     return [built(BUILT, "logic-desk, the virtual machine,")]
 
