@@ -137,7 +137,7 @@ class VirtualLine:
             raise SpeedRefused("not this one")
         self._baud = speed
 
-    def write(self, data: bytes) -> None:
+    def write(self, data: bytes, *, secret: bool = False) -> None:
         self.sent += data
         self.board.now += self.delay
         self.board.fifo.extend(self.to.on(at_speed(data, self._baud, self.board.baud), self.chance))
@@ -151,6 +151,9 @@ class VirtualLine:
                 break
         heard = self.back.on(at_speed(octets, self.board.baud, self._baud), self.chance)
         return heard if heard or not octets else self.read(until - self.board.now)
+
+    def reveal(self) -> None:
+        pass
 
     def other_readers(self) -> str:
         return ""
@@ -267,6 +270,11 @@ class UBoot:
     echo: Callable[[int, bytes], bytes] = lambda count, byte: byte  # what the n-th echo becomes
     prompts: Callable[[int], tuple[float, bytes]] = lambda count: (0.0, b"")  # before the n-th one
     linux: Callable[[Board], Life] | None = None  # what the boot command starts
+    autoboot: bytes = b"Autoboot in 3 seconds\n"  # with a string that alone stops it:
+    stop: bytes = b""
+    password: bytes = b""  # asked for when autoboot was stopped; tries are in `ran`
+    asks: bytes = b"Password: "
+    key_seconds: float = 0.0  # that it takes for each, on a busy host
 
     def __call__(self, board: Board) -> Life:
         self._board = board
@@ -296,6 +304,8 @@ class UBoot:
         yield from self._say(STREAMS)
         if not self.bootcmd:
             return False
+        if self.stop:
+            return not (yield from self._is_told_the_string())
         yield from self._say(b"Hit any key to stop autoboot: %2d " % self.delay)
         stopped = bool(self._board.fifo)
         for left in range(self.delay - 1, -1, -1):
@@ -309,7 +319,34 @@ class UBoot:
         if stopped:
             self._board.fifo.popleft()
         yield from self._say(b"\n")
+        if stopped and self.password:
+            yield from self._asks_password()
         return not stopped
+
+    def _is_told_the_string(self) -> Life:
+        """passwd_abort_key() of common/autoboot.c."""
+        yield from self._say(self.autoboot)
+        heard = bytearray()
+        for _ in range(self.delay * 100):
+            while (key := (yield POLL)) is not None:
+                heard.append(key)
+                if heard.endswith(self.stop):
+                    return True
+            yield 0.01
+        return False
+
+    def _asks_password(self) -> Life:
+        """Some vendors' own; it has no end."""
+        while True:
+            yield from self._say(self.asks)
+            typed = bytearray()
+            while (key := (yield KEY)) not in (0x03, 0x0D):
+                typed.append(key)
+            self._board.ran.append(f"try {typed.decode()}")
+            yield from self._say(b"\n")
+            if typed == self.password:
+                return
+            yield from self._say(b"Wrong password\n")
 
     def _main_loop(self, first: bool) -> Life:
         unfinished = self.unfinished if first else ""
@@ -345,6 +382,7 @@ class UBoot:
         line, at, past = list(typed), len(typed), 0
         while True:
             key = yield KEY
+            yield self.key_seconds
             shown = b""
             match key:
                 case 0x00:
@@ -513,6 +551,30 @@ def shell(board: Board) -> Life:
         key = yield KEY
         board.ran.append(f"key {key}")
         yield b"^C\r\n# " if key == 3 else bytes([key])
+
+
+@dataclass
+class Program:
+    """At work on Linux's console; ends at Ctrl-C, which `ran` tells. echo: of the terminal."""
+
+    says: bytes = b"Writing kernel: %d%%\r\n"
+    period: float = 1.0
+    echo: bool = False
+
+    def __call__(self, board: Board) -> Life:
+        told = 0
+        wait = 0.0
+        while True:
+            if wait <= 0:
+                told, wait = told + 1, self.period
+                yield self.says % told if b"%" in self.says else self.says
+            while (key := (yield POLL)) is not None:
+                if key == 3:
+                    board.ran.append("ended by Ctrl-C")
+                if self.echo:
+                    yield b"^" + bytes([key + 64]) if key < 32 else b"\b\b  \b\b"
+            yield 0.01
+            wait -= 0.01
 
 
 def hiss(board: Board) -> Life:

@@ -38,7 +38,7 @@ from netboot.clockwork import (
     silent,
 )
 from nuc980.netboot import console
-from nuc980.netboot.arrival import CTRL_C, SPEEDS
+from nuc980.netboot.arrival import CTRL_C, KNOCK, SPEEDS
 from nuc980.netboot.commandline import COMMAND_ROOM, LINE_ROOM, typed
 from nuc980.netboot.console import Console
 from nuc980.netboot.errors import (
@@ -158,7 +158,7 @@ def test_poke_at_a_wrong_speed_is_no_enter() -> None:
     for sent in SPEEDS:
         for read in SPEEDS:
             for resync in (True, False):
-                for keys in (CTRL_C, CTRL_C * 3):
+                for keys in (CTRL_C, CTRL_C * 3, KNOCK):
                     heard = at_speed(keys, sent, read, resync)
                     assert not set(heard) & set(b"\r\n"), (sent, read, heard)
 
@@ -172,7 +172,7 @@ def test_poke_at_a_wrong_speed_is_no_enter() -> None:
         (shell, NotUBoot),
         (kernel, AutobootMissed),
         (UBoot(running="hang"), NoOutput),
-        (UBoot(running="chatter"), StuckConsole),
+        (UBoot(running="chatter"), NotUBoot),
         (UBoot(at_prompt=True, hush=False), NoStatus),
     ],
     ids=["dead", "hiss", "login", "shell", "kernel", "hangs", "chatters", "no hush"],
@@ -248,8 +248,7 @@ def test_linux_gets_few_keys_and_no_enter(board: Callable[[Board], Life]) -> Non
     bench = Bench(board)
     with pytest.raises(NetbootError):
         bench.console.reach(patience=20.0)
-    assert set(bench.line.sent) == set(CTRL_C)
-    assert len(bench.line.sent) <= 3
+    assert bench.line.sent.replace(KNOCK, b"") in (b"", CTRL_C, CTRL_C * 2)
     assert bench.told and "switch it off and on" in bench.told[-1]
 
 
@@ -423,7 +422,7 @@ class Cut(VirtualLine):
         super().__init__(board)
         self._to, self._back, self._times = to, back, times
 
-    def write(self, data: bytes) -> None:
+    def write(self, data: bytes, *, secret: bool = False) -> None:
         super().write(self._cut(self._to, data))
 
     def read(self, seconds: float) -> bytes:

@@ -254,6 +254,40 @@ def _add_common(command: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--console", action="store_true", help="hand the terminal over in the end; Ctrl-] leaves it"
     )
+    group = command.add_argument_group("a U-Boot that is locked")
+    group.add_argument(
+        "--interrupt",
+        default="",
+        metavar="TEXT",
+        help="stops autoboot (default: Ctrl-C); \\xHH is a character",
+    )
+    group.add_argument(
+        "--autoboot",
+        type=_pattern,
+        default="",
+        metavar="PATTERN",
+        help="the line that says how autoboot is stopped (default: one with 'autoboot')",
+    )
+    group.add_argument(
+        "--password-file",
+        type=Path,
+        metavar="FILE",
+        help="U-Boot's password, or a secret --interrupt; - asks you for it",
+    )
+    group.add_argument(
+        "--password-prompt",
+        type=_pattern,
+        default="",
+        metavar="PATTERN",
+        help="how U-Boot asks for it (default: a last line as 'Password: ')",
+    )
+    group.add_argument(
+        "--prompt",
+        type=_pattern,
+        default="",
+        metavar="PATTERN",
+        help="U-Boot's prompt (default: what it says to Ctrl-C)",
+    )
     group = command.add_argument_group("files")
     group.add_argument(
         "--site",

@@ -7,8 +7,10 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from nuc980.netboot import host
 from nuc980.netboot.arrival import CTRL_C, SETTLED_SECONDS, Arrival
 from nuc980.netboot.commandline import ended, text, typed
+from nuc980.netboot.entrance import OPEN, Entrance
 from nuc980.netboot.errors import (
     AutobootMissed,
     BoardHung,
@@ -29,6 +31,8 @@ CHUNK = 16
 ECHO_SECONDS = 1.0
 PROMPT_SECONDS = 3.0
 TRIES = 3
+DRAIN_SECONDS = 60.0  # for a slow board to answer all keys that were pressed on the way to its prompt
+SLOW = 10  # an echo may take so many times as long as the one that was measured
 TYPING_TRIES = 8  # nothing runs before the Enter, so that a noisy line costs time only
 
 IF = b"if "
@@ -67,13 +71,16 @@ def _nothing(_: str) -> None:
 class Console:
     """The command line at the other end of a line. say: gets a note now and then of what is being tried."""
 
-    def __init__(self, line: Line, say: Watch = _nothing) -> None:
+    def __init__(self, line: Line, say: Watch = _nothing, entrance: Entrance = OPEN) -> None:
         self.line = line
         self.say = say
+        self.entrance = entrance
         self.prompt = b""
         self._commands = 0
         self._edits = True  # U-Boot has its line editor (CONFIG_CMDLINE_EDITING)
         self._tail = b""
+        self._marks = 0
+        self._delay = 0.0  # of an echo, the longest that was measured
 
     # ---- to the prompt
 
@@ -82,11 +89,10 @@ class Console:
 
         power_cycle: switches the board off and on, while the line is listened to; without it, a board that is
         not at the prompt already is waited for: somebody has to switch it on within `patience` seconds.
-        Raises NoOutput, Garbage, AutobootMissed, NotUBoot, NoStatus, PowerHookFailed, StuckConsole, and what
-        power_cycle raises.
+        Raises NoStatus, what Arrival.wait raises, and what power_cycle raises.
         """
         for attempt in range(TRIES):
-            arrival = Arrival(self.line, self.say, power_cycle)
+            arrival = Arrival(self.line, self.say, power_cycle, self.entrance)
             try:
                 received = arrival.wait(patience)
                 break
@@ -95,6 +101,7 @@ class Console:
                     raise
                 self.say(f"{error.what} Once more.")
         self.prompt, self._tail = arrival.prompt, b""
+        self._settle()
         self._confirm()
         return received
 
@@ -103,6 +110,25 @@ class Console:
         answer = self.run("version")
         if "U-Boot" not in answer.output:
             raise NotUBoot(f"At the prompt {text(self.prompt)!r} 'version' says {answer.output.strip()!r}.")
+
+    def _settle(self) -> None:
+        """Until each key that was pressed has its answer: a mark comes back after them. Measures the line."""
+        until = self.line.now() + DRAIN_SECONDS
+        for _ in range(TRIES):
+            self._marks += 1
+            mark = b"#%d." % self._marks  # a comment, if noise makes it a command
+            begin = self.line.now()
+            self.line.write(mark)
+            heard = b""
+            while (
+                not heard.endswith(mark) and self.line.now() < until and (new := self._read(PROMPT_SECONDS))
+            ):
+                heard += new
+            if came := heard.endswith(mark):
+                self._delay = max(self._delay, self.line.now() - begin)
+            self._interrupt("A mark was typed")
+            if came:
+                return
 
     # ---- commands
 
@@ -133,7 +159,7 @@ class Console:
             if found and late:
                 raise StuckConsole(f"'{command}' did not end within {seconds:g} s; Ctrl-C ended it.")
         what = f"The answer to '{command}' was lost; there came {text(received)[-300:]!r}"
-        raise LineUnsafe(what, cause=self.line.other_readers())
+        raise LineUnsafe(what, cause=self._suspect())
 
     def run_twice(self, command: str, seconds: float = 10.0) -> Answer:
         """As run(), until two answers are the same: for numbers that nothing else checks.
@@ -145,7 +171,7 @@ class Console:
             answers.append(self.run(command, seconds))
             if answers[-1] in answers[:-1]:
                 return answers[-1]
-        raise LineUnsafe(f"The answers to '{command}' differ.", cause=self.line.other_readers())
+        raise LineUnsafe(f"The answers to '{command}' differ.", cause=self._suspect())
 
     def start(self, command: str) -> int:
         """Types a command and Enter, and leaves it running; returns the number of its marker.
@@ -166,7 +192,8 @@ class Console:
             if self._echoed(line) and (not self._edits or self._read_back(line)):
                 return
             self._interrupt(f"'{text(line)}' did not come back as typed")
-        raise LineUnsafe(f"'{text(line)}' does not come back as typed.", cause=self.line.other_readers())
+            self._settle()
+        raise LineUnsafe(f"'{text(line)}' does not come back as typed.", cause=self._suspect())
 
     def _echoed(self, line: bytes) -> bool:
         """Types it. First the `if` alone: once it is there, a noise byte that is an Enter does no harm."""
@@ -188,11 +215,18 @@ class Console:
         self.line.write(keys)
         heard = b""
         while heard not in expected and any(answer.startswith(heard) for answer in expected):
-            new = self._read(ECHO_SECONDS)
+            new = self._read(self._patient(ECHO_SECONDS))
             if not new:
                 break
             heard += new
         return heard
+
+    def _patient(self, seconds: float) -> float:
+        """Longer, on a line that was measured to be slow."""
+        return max(seconds, SLOW * self._delay)
+
+    def _suspect(self) -> str:
+        return self.line.other_readers() or host.busy()
 
     # ---- listening
 
@@ -205,7 +239,7 @@ class Console:
         while not found and (left := deadline - self.line.now()) > 0:
             # An Enter is answered at once, and after a prompt there is nothing to come.
             over = not received or received.endswith((b"\n" + self.prompt, SECOND_PROMPT))
-            new = self._read(min(left, ECHO_SECONDS) if over else left)
+            new = self._read(min(left, self._patient(ECHO_SECONDS)) if over else left)
             if not new and over:
                 break
             received += new
@@ -216,7 +250,7 @@ class Console:
         return received
 
     def _prompt_comes(self, received: bytes) -> bool:
-        deadline = self.line.now() + PROMPT_SECONDS
+        deadline = self.line.now() + self._patient(PROMPT_SECONDS)
         while not received.endswith(b"\n" + self.prompt):
             new = self._read(deadline - self.line.now())
             if not new:
@@ -229,15 +263,15 @@ class Console:
         received = b""
         for _ in range(TRIES):
             self.line.write(CTRL_C)
-            deadline = self.line.now() + PROMPT_SECONDS
+            deadline = self.line.now() + self._patient(PROMPT_SECONDS)
             while (left := deadline - self.line.now()) > 0:
-                at_prompt = received.endswith(INTERRUPTED + self.prompt)
+                at_prompt = received.endswith((b"\n" if self.entrance.prompt else INTERRUPTED) + self.prompt)
                 new = self._read(min(left, SETTLED_SECONDS) if at_prompt else left)
                 if at_prompt and not new:
                     return received
                 received += new
         what = f"{before}, and Ctrl-C brings no prompt; there came {text(received)[-300:]!r}"
-        raise StuckConsole(what, cause=self.line.other_readers())
+        raise StuckConsole(what, cause=self._suspect())
 
     def _drain(self) -> None:
         deadline = self.line.now() + PROMPT_SECONDS

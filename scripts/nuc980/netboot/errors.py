@@ -96,6 +96,27 @@ class AutobootMissed(NetbootError):
     next_step = "check the wire to the board's RX, and power-cycle the board while this runs"
 
 
+class AutobootKeyed(NetbootError):
+    """Autoboot is stopped by a certain string alone."""
+
+    cause = "a U-Boot with CONFIG_AUTOBOOT_KEYED"
+    next_step = "--interrupt TEXT types the string; --password-file FILE does if nobody may see it"
+
+
+class PasswordNeeded(NetbootError):
+    """U-Boot asks for a password."""
+
+    cause = "a U-Boot that is locked; no key was pressed to its prompt"
+    next_step = "--password-file FILE types it; - in place of FILE asks you for it"
+
+
+class PasswordRefused(NetbootError):
+    """The board does not take the password, or the string that stops autoboot."""
+
+    cause = "another board's, or --autoboot or --password-prompt matches another line; it was typed once"
+    next_step = "check it, and switch the board off and on while this runs"
+
+
 class NotUBoot(NetbootError):
     """Something answers, but it is not U-Boot."""
 

@@ -21,6 +21,11 @@ OPTIONS = {
     "seen-as": "behind a NAT: the board, as the server sees it",
     "baud": "bit/s",
     "power-cycle": "a command that switches the board off and on",
+    "prompt": "U-Boot's prompt, a regular expression",
+    "autoboot": "the line that says how autoboot is stopped, a regular expression",
+    "interrupt": "what stops autoboot",
+    "password-prompt": "what U-Boot asks with for its password, a regular expression",
+    "password-file": "a file with U-Boot's password, or with a secret that stops autoboot",
     "log": "a file for every byte of the line",
     "site": "the folder of the board's own files",
 }

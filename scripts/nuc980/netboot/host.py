@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The host's own IPv4 addresses: which of them a board can reach, and what a person must do when none is."""
+"""The host's own IPv4 addresses: which a board can reach, what a person must do when none is; its load."""
 
 from __future__ import annotations
 
+import os
 import socket
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -102,3 +103,14 @@ def _new_address(board: IPv4Address, wired: Sequence[HostAddress]) -> str:
         f"Give one to the interface with the board's cable{which}:"
         f" sudo ip address add {free}/{USUAL_PREFIX} dev {only}"
     )
+
+
+BUSY = 4.0  # processes that share a processor
+
+
+def busy() -> str:
+    """What is to be said of a load that a slow answer may come from, or an empty text."""
+    load, processors = os.getloadavg()[0], os.cpu_count() or 1
+    if load < BUSY * processors:
+        return ""
+    return f"this host is busy (load {load:.0f} on {processors} processors), and serves the line late"

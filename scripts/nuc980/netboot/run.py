@@ -23,6 +23,7 @@ from nuc980.netboot.terminal import hand_over
 from nuc980.netboot.transport import Line
 
 CONFIRM = "version"  # what Console.reach() asks
+ENTRANCE = ("prompt", "autoboot", "interrupt", "password_prompt", "password_file")
 NETWORK = ("board_ip", "server_ip", "tftp_port", "ethact", "listen", "seen_as")
 
 
@@ -41,6 +42,7 @@ class Run:
             log=parsed.log,
             site=parsed.site,
             dry_run=parsed.dry_run,
+            **{name: getattr(parsed, name) for name in ENTRANCE},
             **{name: getattr(parsed, name) for name in NETWORK if hasattr(parsed, name)},
         )
         self._asked = 0  # commands before the plan's

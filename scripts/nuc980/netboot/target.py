@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import cached_property
 from ipaddress import IPv4Address, IPv4Interface
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from nuc980.netboot.board import BoardReport
 from nuc980.netboot.boot import Addresses, Images, arguments_for, plan_boot, tree_for
 from nuc980.netboot.commandline import text
 from nuc980.netboot.console import Console
+from nuc980.netboot.entrance import Entrance, keys_of, read_password
 from nuc980.netboot.environment import Environment, keep
 from nuc980.netboot.errors import CommandFailed, LineLost, LinuxSilent, UnusableInput
 from nuc980.netboot.linux import Goal
@@ -46,8 +48,23 @@ class Target:
     baud: int = BAUD
     power_cycle: str | None = None
     log: Path | None = None
+    prompt: str = ""
+    autoboot: str = ""
+    interrupt: str = ""
+    password_prompt: str = ""
+    password_file: str | Path | None = None
     site: str | Path = "site"
     dry_run: bool = False
+
+    @cached_property
+    def entrance(self) -> Entrance:
+        """How its U-Boot is entered. Raises UnusableInput."""
+        try:
+            interrupt = keys_of(self.interrupt) if self.interrupt else b""
+        except ValueError as error:
+            raise UnusableInput(f"--interrupt {self.interrupt}: {error}") from error
+        password = read_password(Path(self.password_file)) if self.password_file else b""
+        return Entrance(self.prompt, self.autoboot, interrupt, self.password_prompt, password)
 
     @contextmanager
     def line(self) -> Iterator[Line]:
@@ -56,6 +73,7 @@ class Target:
             raise UnusableInput(
                 "no --port is given", next_step="/dev/serial/by-id lists the ports of this machine"
             )
+        _ = self.entrance  # which may ask somebody: before a board waits
         with Line(self.port, self.baud, self.log) as line:
             yield line
 
@@ -64,7 +82,7 @@ class Target:
         """At U-Boot's prompt, as Console.reach() gets there."""
         if others := line.other_readers():
             progress.note(f"Beware: {others}. Close that program.")
-        console = Console(line, progress.note)
+        console = Console(line, progress.note, self.entrance)
         with progress.phase("reach U-Boot"):
             console.reach(PowerHook(self.power_cycle) if self.power_cycle else None)
         session = Session(console, progress)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import errno
 import logging
 import os
+import re
 import select
 import socket
 import struct
@@ -592,6 +593,12 @@ def _why_not_bound(error: OSError, address: str, port: int) -> TftpError:
             next_step=f"sudo sysctl net.ipv4.ip_unprivileged_port_start={port}; or --tftp-port 6969, if the"
             " board's U-Boot knows the variable tftpdstp (CONFIG_TFTP_PORT)",
         )
+    if error.errno == errno.EADDRINUSE and (other := _other_netboot(port)):
+        return TftpError(
+            what,
+            cause=f"another nuc980-netboot (process {other}) serves its board there",
+            next_step="wait for it, or name another address of this host for this board: --server-ip ADDRESS",
+        )
     if error.errno == errno.EADDRINUSE:
         return TftpError(
             what,
@@ -605,11 +612,25 @@ def _why_not_bound(error: OSError, address: str, port: int) -> TftpError:
     return TftpError(what)
 
 
+def _other_netboot(port: int) -> int | None:
+    for process in _owning(port):
+        with suppress(psutil.Error):
+            if any(re.search(r"nuc980[-.]netboot", word) for word in process.cmdline()):
+                return process.pid
+    return None
+
+
 def _owners(port: int) -> str:
     """Which processes have a UDP port, as far as this user may see them."""
     owners = set()
+    for process in _owning(port):
+        with suppress(psutil.Error):
+            owners.add(f"{process.name()} (process {process.pid})")
+    return ", ".join(sorted(owners))
+
+
+def _owning(port: int) -> Iterator[psutil.Process]:
     with suppress(psutil.Error):
         for connection in psutil.net_connections("udp"):
             if connection.laddr and connection.laddr.port == port and connection.pid:
-                owners.add(f"{psutil.Process(connection.pid).name()} (process {connection.pid})")
-    return ", ".join(sorted(owners))
+                yield psutil.Process(connection.pid)

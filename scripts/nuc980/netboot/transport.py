@@ -39,6 +39,7 @@ BAUD = 115200
 # the whole port up again (with a round trip or two for rfc2217://).
 POLL_SECONDS = 0.02
 WRITE_SECONDS = 5.0
+VEIL_SECONDS = 1.0  # an echo comes whole within
 READ_MOST = 4096
 
 SCHEMES = ("socket", "rfc2217")
@@ -62,6 +63,7 @@ class Line:
         self._start = time.monotonic()
         self._log = _opened(log) if log else None
         self._log_error: OSError | None = None
+        self._veil: Veil | None = None
         try:
             self._port = _port(url, baud)
         except BaseException:
@@ -109,9 +111,16 @@ class Line:
         """Whether `baud` means anything: behind socket:// it is set elsewhere, and a pty has none."""
         return not self._pty and not self.url.startswith("socket://")
 
-    def write(self, data: bytes) -> None:
-        """Sends bytes. Raises LineLost."""
-        self._keep(">", data)
+    def write(self, data: bytes, *, secret: bool = False) -> None:
+        """Sends bytes. Raises LineLost.
+
+        secret: the log does not get them, and nobody gets their echo, until reveal().
+        """
+        if secret:
+            self._veil = Veil(data.rstrip(b"\r"))
+            self._note("(a secret)", ">")
+        else:
+            self._keep(">", data)
         try:
             self._port.write(data)
         except BROKEN as error:
@@ -130,8 +139,15 @@ class Line:
             raise LineLost(f"{self.url}: {error}") from error
         if data:
             self._acknowledge()
+        if self._veil:
+            data = self._veil.over(data, self.now())
+        if data:
             self._keep("<", data)
         return data
+
+    def reveal(self) -> None:
+        """No echo of a secret is to come any more."""
+        self._veil = None
 
     def shared_with(self) -> list[str]:
         """The other programs that have the device open, as far as this user may know: `name (pid)`."""
@@ -168,6 +184,27 @@ class Line:
         if self._log:
             with suppress(OSError):
                 self._log.close()
+
+
+class Veil:
+    """Makes asterisks of a secret's echo. What could be its beginning waits for what comes next."""
+
+    def __init__(self, secret: bytes) -> None:
+        self._secret = secret
+        self._held = b""
+        self._since = 0.0
+
+    def over(self, data: bytes, now: float) -> bytes:
+        """What may be seen of what came, and of what came before."""
+        data = (self._held + data).replace(self._secret, b"*" * len(self._secret))
+        if len(data) > len(self._held):
+            self._since = now
+        sizes = range(min(len(self._secret) - 1, len(data)), 0, -1)
+        held = next((size for size in sizes if self._secret.startswith(data[-size:])), 0)
+        if now - self._since >= VEIL_SECONDS:
+            held = 0
+        self._held = data[len(data) - held :]
+        return data[: len(data) - held]
 
 
 def _opened(log: Path) -> TextIO:
