@@ -281,6 +281,19 @@ def test_an_answer_is_no_longer_than_its_asker_takes(site: Site, most: int) -> N
     assert min(most, 1472) - 120 < max(map(len, messages)) <= min(most, 1472)
 
 
+@pytest.mark.parametrize("repeaters", [65, 1500])
+def test_a_bulk_of_many_repeaters_is_told_in_their_order(site: Site, repeaters: int) -> None:
+    """RFC 3416, 4.2.3: the whole first repetition before the second. A full answer ends where it is full."""
+    system = "1.3.6.1.2.1.1"
+    asked = [f"{system}.1", *["2.100"] * (repeaters - 2), f"{system}.2"]
+    text = site.manager().run("snmpbulkget", "-Cn0", "-Cr2", *asked)
+    told = re.findall(r"^\.(\S+) ", text, re.MULTILINE)
+    first = [f"{system}.1.0", *["2.100"] * (repeaters - 2), f"{system}.2.0"]
+    second = [f"{system}.2.0", *["2.100"] * (repeaters - 2), f"{system}.3.0"]
+    assert told == (first + second)[: len(told)]
+    assert len(told) == 2 * repeaters if repeaters < 80 else 100 < len(told) < repeaters
+
+
 def test_tshark_with_the_keys_reads_it(site: Site, tmp_path: Path) -> None:
     """A request and its answer, authentic by tshark's own reckoning, decrypted and decoded."""
     messages: list[bytes] = []

@@ -195,60 +195,100 @@ static bool get_next(struct answering *answering, const netsnmp_variable_list *v
 
 /* ---- GETBULK ----------------------------------------------------------------------------- */
 
-#define REPEATERS_MAX 64
+#define REPEATERS_MAX 1024 /* that are told more than once */
 
 struct repeater {
-	bool ended;
-	bool begun;
+	bool empty; /* nothing lies behind the name that was asked */
+	bool ended; /* nothing lies behind the place */
 	struct snmp_place place;
-	struct asked asked; /* while it has not begun, and once it has ended, what stands in its place */
 };
 
-static void remember_name(struct answering *answering, struct repeater *repeater)
+static bool add_end_behind(struct answering *answering, const struct snmp_place *place)
 {
-	repeater->asked.length = snmp_name(answering->agent, &repeater->place, repeater->asked.ids);
+	struct asked last;
+
+	last.length = snmp_name(answering->agent, place, last.ids);
+	return add_word(answering, &last, SNMP_ENDOFMIBVIEW);
 }
 
-static bool repeat(struct answering *answering, struct repeater *repeater)
+static bool repeat_first(struct answering *answering, const netsnmp_variable_list *variable,
+			 struct repeater *repeater)
+{
+	struct asked asked;
+
+	take_name(variable, &asked);
+	repeater->empty =
+	    !snmp_next(answering->agent, asked.ids, asked.length, answering->role, &repeater->place);
+	repeater->ended = repeater->empty;
+	return repeater->empty ? add_word(answering, &asked, SNMP_ENDOFMIBVIEW)
+			       : add_place(answering, &repeater->place);
+}
+
+static bool repeat_again(struct answering *answering, const netsnmp_variable_list *variable,
+			 struct repeater *repeater)
 {
 	struct snmp_place next = repeater->place;
 
-	if (!repeater->ended && !repeater->begun)
-		repeater->ended = !snmp_next(answering->agent, repeater->asked.ids, repeater->asked.length,
-					     answering->role, &next);
-	else if (!repeater->ended && !snmp_after(answering->agent, answering->role, &next)) {
-		remember_name(answering, repeater);
-		repeater->ended = true;
-	}
-	repeater->begun = true;
+	if (repeater->empty)
+		return repeat_first(answering, variable, repeater);
+	repeater->ended = repeater->ended || !snmp_after(answering->agent, answering->role, &next);
+	if (repeater->ended)
+		return add_end_behind(answering, &repeater->place);
 	repeater->place = next;
-	return repeater->ended ? add_word(answering, &repeater->asked, SNMP_ENDOFMIBVIEW)
-			       : add_place(answering, &next);
+	return add_place(answering, &next);
 }
 
-/* As many repetitions as the message takes: it ends where a varbind has no room, or nothing is left to tell. */
+/* False: there is no room for all of it, or nothing is left to tell. */
+static bool repeat_all(struct answering *answering, const netsnmp_variable_list *variable,
+		       struct repeater *repeaters, bool again)
+{
+	uint32_t going = 0;
+
+	for (; variable != NULL; variable = variable->next_variable, repeaters++) {
+		if (!(again ? repeat_again : repeat_first)(answering, variable, repeaters))
+			return false;
+		going += !repeaters->ended;
+	}
+	return going > 0;
+}
+
+static void tell_once(struct answering *answering, const netsnmp_variable_list *variable)
+{
+	while (variable != NULL && get_next(answering, variable))
+		variable = variable->next_variable;
+}
+
+static uint32_t count_variables(const netsnmp_variable_list *variable)
+{
+	uint32_t count = 0;
+
+	for (; variable != NULL; variable = variable->next_variable)
+		count++;
+	return count;
+}
+
+/*
+ * RFC 3416, 4.2.3: the answer is a beginning of the ordered set, each repetition whole before the next. It ends where a varbind
+ * has no room, or nothing is left to tell. Of more repeaters than it keeps the places of, it ends behind the first repetition.
+ */
 static void get_bulk(struct answering *answering, const netsnmp_pdu *pdu)
 {
 	static struct repeater repeaters[REPEATERS_MAX];
 	const netsnmp_variable_list *variable = pdu->variables;
-	long once = pdu->non_repeaters;
-	unsigned count = 0, ended = 0;
 
-	for (; variable != NULL && once > 0; variable = variable->next_variable, once--)
+	for (long once = pdu->non_repeaters; variable != NULL && once > 0; once--) {
 		if (!get_next(answering, variable))
 			return;
-	for (; variable != NULL && count < REPEATERS_MAX; variable = variable->next_variable, count++) {
-		repeaters[count].begun = repeaters[count].ended = false;
-		take_name(variable, &repeaters[count].asked);
+		variable = variable->next_variable;
 	}
-	for (long i = 0; i < pdu->max_repetitions && count > 0 && ended < count; i++) {
-		ended = 0;
-		for (unsigned j = 0; j < count; j++) {
-			if (!repeat(answering, &repeaters[j]))
+	if (variable == NULL || pdu->max_repetitions <= 0)
+		return;
+	if (count_variables(variable) > REPEATERS_MAX)
+		tell_once(answering, variable);
+	else
+		for (long i = 0; i < pdu->max_repetitions; i++)
+			if (!repeat_all(answering, variable, repeaters, i > 0))
 				return;
-			ended += repeaters[j].ended;
-		}
-	}
 }
 
 /* ---- SET --------------------------------------------------------------------------------- */
