@@ -324,8 +324,8 @@ def test_changed_publication_goes_on(bay: Bay, hearer: Peer) -> None:
 # ---- hostile ---------------------------------------------------------------------------------------
 
 
-def frame(octets: bytes, app_id: int = OWN_APP_ID) -> bytes:
-    head = bytes.fromhex("010ccd010000 020000000001") + ETHERTYPE.to_bytes(2, "big")
+def frame(octets: bytes, app_id: int = OWN_APP_ID, destination: str = "010ccd010000") -> bytes:
+    head = bytes.fromhex(f"{destination} 020000000001") + ETHERTYPE.to_bytes(2, "big")
     return head + app_id.to_bytes(2, "big") + (len(octets) + 8).to_bytes(2, "big") + bytes(4) + octets
 
 
@@ -344,6 +344,66 @@ def test_storm_of_wrong_frames_changes_nothing(bay: Bay) -> None:
     bay.wait_point("copy.tap", 9)
     assert bay.process() == pid
     assert bay.counter("unknown") == 0
+
+
+def tlv(tag: int, content: bytes) -> bytes:
+    length = len(content).to_bytes(2, "big")
+    return bytes([tag, 0x82]) + length + content
+
+
+def number(value: int) -> bytes:
+    return value.to_bytes(5, "big")
+
+
+def relays(state: int, sequence: int, on: bool, *, revision: int = 1, alive_ms: int = 60_000) -> bytes:
+    """A message as the relay sends it now."""
+    now = time.time()
+    fraction = int(now % 1 * 2**24).to_bytes(3, "big")
+    values = tlv(0x83, bytes([on])) + tlv(0x84, b"\3\0\0") + tlv(0x84, b"\6\x40")
+    values += tlv(0x87, b"\x08\x3f\x80\0\0") + tlv(0x85, b"\x01")
+    fields = [RELAY.encode(), number(alive_ms), RELAY_DATA.encode(), b"trip"]
+    fields += [int(now).to_bytes(4, "big") + fraction + b"\x0a", number(state), number(sequence), b"\0"]
+    fields += [number(revision), b"\0", b"\5"]
+    pdu = b"".join(tlv(0x80 + place, field) for place, field in enumerate(fields)) + tlv(0xAB, values)
+    return frame(tlv(0x61, pdu), RELAY_APP_ID, "010ccd010002")
+
+
+def test_only_what_follows_or_starts_anew_is_believed(bay: Bay) -> None:
+    """Not a recorded message behind one of another revision, nor a state from far ahead."""
+    counted = bay.counter
+    recorded = relays(5, 0, True)
+
+    def send(octets: bytes, counter: str) -> None:
+        before = counted(f"relay.{counter}")
+        wire.send(octets)
+        bay.gateway.wait_for(
+            lambda: counted(f"relay.{counter}") > before, PATIENCE_S, f"one more of {counter}"
+        )
+
+    with socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0) as wire:
+        wire.bind((INTERFACE, 0))
+        bay.wait_quality("relay.trip", "invalid")
+        send(relays(1, 0, False), "states")
+        bay.wait_point("relay.trip", "off")
+        send(relays(20, 0, False), "states")
+        send(relays(20, 1, False, revision=9), "mismatched")
+        bay.wait_quality("relay.trip", "invalid")
+        send(recorded, "out_of_order")
+        assert bay.gateway.points("relay.trip")["relay.trip"]["value"] == "off"
+        send(relays(20, 2, False), "states")
+        bay.wait_point("relay.trip", "off")
+        missed = counted("relay.missed")
+        send(relays(2**31 - 5, 0, True, alive_ms=600_000), "jumps")
+        send(relays(21, 0, True), "states")
+        bay.wait_point("relay.trip", "on")
+        assert counted("relay.missed") == missed
+        send(relays(22, 0, False, alive_ms=1), "expired")
+        send(recorded, "jumps")
+        point = bay.gateway.points("relay.trip")["relay.trip"]
+        assert (point["value"], point["quality"]) == ("off", "invalid")
+    assert "relay: stNum 2147483643, sqNum 0 do not follow 20, 2 and are not believed" in bay.gateway.log(
+        10_000
+    )
 
 
 def test_process_has_no_rights(bay: Bay) -> None:

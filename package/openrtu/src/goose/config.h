@@ -32,7 +32,7 @@ struct goose_stream {
 	uint8_t destination[6];
 	uint16_t app_id;
 	uint32_t conf_rev;
-	bool simulation; /* published as such; of a subscription: taken also when it is */
+	bool simulation; /* published as such; of a subscription: such are wanted */
 };
 
 struct goose_publication {
@@ -56,7 +56,8 @@ struct goose_leaf {
 
 struct goose_subscription {
 	struct goose_stream stream;
-	uint16_t set; /* 65535: its leaves are no points */
+	uint16_t set;           /* 65535: its leaves are no points */
+	uint32_t alive_most_ms; /* that a message may say it holds */
 	uint32_t first_leaf, leaf_count;
 };
 

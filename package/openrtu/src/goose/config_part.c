@@ -59,10 +59,11 @@ static const struct config_rule published_rules[PUBLISHED_KEYS] = {
     [POINTS] = {"points", CONFIG_ARRAY, .required = true, .high = GOOSE_ITEMS_MAX},
 };
 
-enum { CA = STREAM_KEYS, DATA, SUBSCRIBED_KEYS };
+enum { CA = STREAM_KEYS, ALIVE_MOST, DATA, SUBSCRIBED_KEYS };
 static const struct config_rule subscribed_rules[SUBSCRIBED_KEYS] = {
     STREAM_RULES(false),
     [CA] = {"ca", CONFIG_INTEGER, .required = true, .low = 1, .high = 65534},
+    [ALIVE_MOST] = {"alive_max_ms", CONFIG_INTEGER, .low = 10, .high = 600000, .fallback = 60000},
     [DATA] = {"data", CONFIG_ARRAY, .required = true, .high = GOOSE_ITEMS_MAX},
 };
 
@@ -191,6 +192,7 @@ static void read_subscription(struct config_loader *loader, const struct config_
 
 	config_read_keys(&loader->report, place, json, subscribed_rules, SUBSCRIBED_KEYS, values);
 	read_stream(loader, place, values, &subscription->stream);
+	subscription->alive_most_ms = (uint32_t)values[ALIVE_MOST].integer;
 	subscription->set = NO_SET;
 	subscription->first_leaf = map_record_count(loader->config, GOOSE_LEAVES);
 	if (!values[DATA].given)

@@ -20,6 +20,9 @@ struct goose_subscribed {
 	_Atomic uint32_t
 	    mismatched; /* another revision or data set, needs commissioning, or types that the points have not */
 	_Atomic uint32_t simulated; /* and not wanted */
+	_Atomic uint32_t real;      /* while simulated ones are */
+	_Atomic uint32_t jumps;     /* numbers that follow none, and not believed */
+	_Atomic uint32_t restarts;  /* of the publisher, believed */
 	_Atomic uint32_t expired;
 	_Atomic uint32_t floods; /* times that its APPID was not listened to, since too much came */
 };

@@ -3,9 +3,12 @@
 
 #include <string.h>
 
-#include "map/time_ns.h"
+#include "goose/pace.h"
 
-#define ALIVE_MOST_MS 600000 /* of what is longer, as of a mistake: a dead publisher shall be seen */
+#define FIRST_STATE 1 /* IEC 61850-8-1, 18.1: stNum of a publisher that starts */
+#define UNSET_UNTIL                                                                                          \
+	(1577836800 *                                                                                        \
+	 NS_PER_S) /* 2020: a clock that counts from 1970 or 2000 was not set, whatever it says */
 
 void goose_subscriber_init(struct goose_subscriber *subscriber, const struct goose_subscription *subscription,
 			   int64_t until_ns)
@@ -18,8 +21,10 @@ static bool is_text(struct goose_text text, const char *wanted)
 	return text.size == strlen(wanted) && memcmp(text.at, wanted, text.size) == 0;
 }
 
-static bool is_mine(const struct goose_stream *stream, const struct goose_message *message)
+bool goose_subscriber_hears(const struct goose_subscriber *subscriber, const struct goose_message *message)
 {
+	const struct goose_stream *stream = &subscriber->subscription->stream;
+
 	return message->address.app_id == stream->app_id &&
 	       memcmp(message->address.destination, stream->destination, sizeof(stream->destination)) == 0 &&
 	       is_text(message->control, stream->control);
@@ -30,55 +35,137 @@ static bool matches(const struct goose_subscription *subscription, const struct 
 	const struct goose_stream *stream = &subscription->stream;
 
 	return !message->needs_commissioning && message->conf_rev == stream->conf_rev &&
-	       message->item_count == subscription->leaf_count &&
 	       (stream->data_set[0] == '\0' || is_text(message->data_set, stream->data_set));
 }
 
-/* While the last message holds, numbers go up: a publisher that begins anew is believed when that is over. */
-static bool is_older(const struct goose_subscriber *subscriber, const struct goose_message *message)
-{
-	const int32_t states = (int32_t)(message->state - subscriber->state);
+/* ---- numbers ----------------------------------------------------------------------------- */
 
-	if (!subscriber->has_taken)
-		return false;
-	return states < 0 || (states == 0 && (int32_t)(message->sequence - subscriber->sequence) <= 0);
+/* How many numbers a publisher can have gone on since the last message: as many as are taken of one (pace.h). */
+static uint32_t plausible(const struct goose_last *last, int64_t now_ns)
+{
+	const int64_t passed = (now_ns - last->came_ns) / PACE_NS + PACE_AT_ONCE;
+
+	return passed < INT32_MAX ? (uint32_t)passed : INT32_MAX;
 }
 
-static void count_missed(struct goose_subscriber *subscriber, const struct goose_message *message)
+static enum goose_verdict judge_step(uint32_t step, uint32_t most, enum goose_verdict good)
 {
-	if (!subscriber->has_taken)
-		return;
-	if (message->state == subscriber->state)
-		subscriber->missed += message->sequence - subscriber->sequence - 1;
-	else
-		subscriber->missed += message->state - subscriber->state - 1 + message->sequence;
+	if (step == 0 || step > INT32_MAX)
+		return GOOSE_OUT_OF_ORDER;
+	return step > most ? GOOSE_JUMPED : good;
+}
+
+/* stNum counts changes, and sqNum the messages of a state, from 0. Both go round. */
+static enum goose_verdict judge_numbers(const struct goose_last *last, const struct goose_message *message,
+					int64_t now_ns)
+{
+	const uint32_t most = plausible(last, now_ns);
+
+	if (message->state == last->state)
+		return judge_step(message->sequence - last->sequence, most, GOOSE_REPEATED);
+	return judge_step(message->state - last->state, most,
+			  message->sequence <= most ? GOOSE_TAKEN : GOOSE_JUMPED);
+}
+
+static uint32_t missed(const struct goose_last *last, const struct goose_message *message)
+{
+	if (message->state == last->state)
+		return message->sequence - last->sequence - 1;
+	return message->state - last->state - 1 + message->sequence;
+}
+
+/* ---- time -------------------------------------------------------------------------------- */
+
+/* Of the state, where the publisher's clock was set. A time ahead of ours would rule out all that comes before it. */
+static int64_t time_of(const struct goose_message *message, int64_t utc_ns)
+{
+	if ((message->time.quality & (GOOSE_TIME_FAILED | GOOSE_TIME_UNSET)) != 0 ||
+	    message->time.utc_ns < UNSET_UNTIL)
+		return 0;
+	return utc_ns == 0 ? message->time.utc_ns : earlier(message->time.utc_ns, utc_ns);
+}
+
+/*
+ * A publisher that is not heard any more may begin anew: with the first state, or where both times are known, with a state that is
+ * later than the last one. What was recorded is not later.
+ */
+static bool begins_anew(const struct goose_last *last, const struct goose_message *message, int64_t now_ns,
+			int64_t utc_ns)
+{
+	const int64_t time_ns = time_of(message, utc_ns);
+
+	if (now_ns < last->alive_ns)
+		return false;
+	return time_ns != 0 && last->utc_ns != 0 ? time_ns > last->utc_ns : message->state == FIRST_STATE;
+}
+
+/* ---- a message --------------------------------------------------------------------------- */
+
+static enum goose_verdict judge(struct goose_subscriber *subscriber, const struct goose_message *message,
+				int64_t now_ns, int64_t utc_ns)
+{
+	const struct goose_last *last = &subscriber->last;
+	enum goose_verdict verdict;
+
+	if (!last->known)
+		return GOOSE_TAKEN;
+	verdict = judge_numbers(last, message, now_ns);
+	if (verdict == GOOSE_TAKEN || verdict == GOOSE_REPEATED) {
+		subscriber->missed += missed(last, message);
+		return verdict;
+	}
+	if (begins_anew(last, message, now_ns, utc_ns)) {
+		subscriber->restarts++;
+		return GOOSE_TAKEN;
+	}
+	return now_ns < last->alive_ns ? verdict : GOOSE_JUMPED;
+}
+
+static void keep(struct goose_subscriber *subscriber, const struct goose_message *message, int64_t now_ns,
+		 int64_t utc_ns)
+{
+	const uint32_t most_ms = subscriber->subscription->alive_most_ms;
+	const uint32_t alive_ms = message->alive_ms < most_ms ? message->alive_ms : most_ms;
+
+	subscriber->last = (struct goose_last){.known = true,
+					       .state = message->state,
+					       .sequence = message->sequence,
+					       .utc_ns = time_of(message, utc_ns),
+					       .came_ns = now_ns,
+					       .alive_ns = now_ns + alive_ms * NS_PER_MS};
+	subscriber->until_ns = subscriber->last.alive_ns;
+}
+
+/* As LPHD.Sim of IEC 61850-7-4: from the first simulated message on, the others are not taken. */
+static void turn_to_simulated(struct goose_subscriber *subscriber)
+{
+	subscriber->simulated = true;
+	subscriber->last.known = false;
 }
 
 enum goose_verdict goose_subscriber_take(struct goose_subscriber *subscriber,
-					 const struct goose_message *message, int64_t now_ns)
+					 const struct goose_message *message, bool fits, int64_t now_ns,
+					 int64_t utc_ns)
 {
 	const struct goose_subscription *subscription = subscriber->subscription;
-	bool is_new;
+	const bool held = subscriber->until_ns != 0 && subscriber->last.known;
+	enum goose_verdict verdict;
 
-	if (!is_mine(&subscription->stream, message))
-		return GOOSE_NOT_MINE;
 	if (message->simulation && !subscription->stream.simulation)
 		return GOOSE_SIMULATED;
-	if (!matches(subscription, message)) {
+	if (!message->simulation && subscriber->simulated)
+		return GOOSE_REAL;
+	if (!fits || !matches(subscription, message)) {
 		subscriber->until_ns = earlier(subscriber->until_ns, now_ns);
 		return GOOSE_MISMATCHED;
 	}
-	if (is_older(subscriber, message))
-		return GOOSE_OUT_OF_ORDER;
-	is_new = !subscriber->has_taken || message->state != subscriber->state;
-	count_missed(subscriber, message);
-	subscriber->has_taken = true;
-	subscriber->state = message->state;
-	subscriber->sequence = message->sequence;
-	subscriber->time = message->time;
-	subscriber->until_ns =
-	    now_ns + (message->alive_ms < ALIVE_MOST_MS ? message->alive_ms : ALIVE_MOST_MS) * NS_PER_MS;
-	return is_new ? GOOSE_TAKEN : GOOSE_REPEATED;
+	if (message->simulation && !subscriber->simulated)
+		turn_to_simulated(subscriber);
+	verdict = judge(subscriber, message, now_ns, utc_ns);
+	if (verdict != GOOSE_TAKEN && verdict != GOOSE_REPEATED)
+		return verdict;
+	keep(subscriber, message, now_ns, utc_ns);
+	return held ? verdict : GOOSE_TAKEN;
 }
 
 bool goose_subscriber_expires(struct goose_subscriber *subscriber, int64_t now_ns)
@@ -86,7 +173,6 @@ bool goose_subscriber_expires(struct goose_subscriber *subscriber, int64_t now_n
 	if (now_ns < goose_subscriber_deadline(subscriber))
 		return false;
 	subscriber->until_ns = 0;
-	subscriber->has_taken = false;
 	return true;
 }
 

@@ -12,26 +12,30 @@
 
 #define MS NS_PER_MS
 
-static const struct goose_subscription subscription = {
-    .stream = {.control = "L/LLN0$GO$a", .destination = {1, 0x0c, 0xcd, 1, 0, 1}, .app_id = 9, .conf_rev = 2},
-    .leaf_count = 3,
-};
+#define NOW (1800000000 * NS_PER_S) /* UTC, of the tests' begin */
+
+static struct goose_subscription subscription;
 static struct goose_subscriber subscriber;
 static struct goose_message message;
 
+/* Without clocks, but for tests that set them. */
 static int begin(void **state)
 {
 	(void)state;
+	subscription = (struct goose_subscription){
+	    .stream = {.control = "L/LLN0$GO$a",
+		       .destination = {1, 0x0c, 0xcd, 1, 0, 1},
+		       .app_id = 9,
+		       .conf_rev = 2},
+	    .alive_most_ms = 60000,
+	};
 	goose_subscriber_init(&subscriber, &subscription, 0);
 	message = (struct goose_message){
 	    .address = {.destination = {1, 0x0c, 0xcd, 1, 0, 1}, .app_id = 9},
 	    .control = {"L/LLN0$GO$a", 11},
 	    .alive_ms = 100,
-	    .state = 5,
-	    .sequence = 3,
+	    .time = {.quality = GOOSE_TIME_UNSET},
 	    .conf_rev = 2,
-	    .entries = 3,
-	    .item_count = 3,
 	};
 	return 0;
 }
@@ -40,7 +44,14 @@ static enum goose_verdict take(uint32_t state, uint32_t sequence, int64_t now_ns
 {
 	message.state = state;
 	message.sequence = sequence;
-	return goose_subscriber_take(&subscriber, &message, now_ns);
+	return goose_subscriber_take(&subscriber, &message, true, now_ns, NOW + now_ns);
+}
+
+/* ... of a state whose time is known. */
+static enum goose_verdict take_of(uint32_t state, uint32_t sequence, int64_t now_ns, int64_t utc_ns)
+{
+	message.time = (struct goose_time){.utc_ns = utc_ns};
+	return take(state, sequence, now_ns);
 }
 
 static void test_states_and_their_repetitions(void **state)
@@ -76,8 +87,58 @@ static void test_what_is_older_is_not_believed(void **state)
 	assert_int_equal(take(5, 3, 1 * MS), GOOSE_OUT_OF_ORDER);
 	assert_int_equal(take(5, 2, 1 * MS), GOOSE_OUT_OF_ORDER);
 	assert_int_equal(take(4, 9, 1 * MS), GOOSE_OUT_OF_ORDER);
+	assert_int_equal(take(1, 0, 1 * MS), GOOSE_OUT_OF_ORDER);
+}
+
+/* Silence does not make a recorded message true: only the first state of a publisher that starts is another beginning. */
+static void test_silence_forgets_no_number(void **state)
+{
+	(void)state;
+	take(100, 3, 0);
 	assert_true(goose_subscriber_expires(&subscriber, 100 * MS));
-	assert_int_equal(take(1, 0, 101 * MS), GOOSE_TAKEN);
+	assert_int_equal(take(5, 0, 101 * MS), GOOSE_JUMPED);
+	assert_int_equal(take(100, 3, 101 * MS), GOOSE_JUMPED);
+	assert_int_equal(goose_subscriber_deadline(&subscriber), INT64_MAX);
+	assert_int_equal(take(1, 7, 102 * MS), GOOSE_TAKEN);
+	assert_int_equal(subscriber.restarts, 1);
+	assert_int_equal(take(2, 0, 103 * MS), GOOSE_TAKEN);
+}
+
+static void test_where_clocks_are_set_a_restart_is_later(void **state)
+{
+	(void)state;
+	take_of(100, 3, 0, NOW - 60 * NS_PER_S);
+	assert_int_equal(take_of(1, 0, 101 * MS, NOW - 61 * NS_PER_S), GOOSE_JUMPED); /* recorded */
+	assert_int_equal(take_of(1, 0, 101 * MS, NOW - 60 * NS_PER_S), GOOSE_JUMPED);
+	assert_int_equal(take_of(5, 0, 101 * MS, NOW + 90 * MS),
+			 GOOSE_TAKEN); /* its first states were not heard */
+	assert_int_equal(subscriber.restarts, 1);
+	/* A clock that counts from 1970 or 2000 is none. */
+	assert_int_equal(take_of(1, 0, 300 * MS, 5 * NS_PER_S), GOOSE_TAKEN);
+}
+
+/* A time of 2100 does not rule out what comes before that. */
+static void test_a_time_ahead_is_no_later_than_now(void **state)
+{
+	(void)state;
+	take_of(100, 3, 0, NOW + 1000 * S_PER_DAY * NS_PER_S);
+	assert_int_equal(take_of(1, 0, 200 * MS, NOW + 150 * MS), GOOSE_TAKEN);
+}
+
+static void test_a_jump_is_not_believed(void **state)
+{
+	(void)state;
+	take(2, 0, 0);
+	message.alive_ms = 600000;
+	assert_int_equal(take(INT32_MAX - 5, 0, 1 * MS), GOOSE_JUMPED);
+	assert_int_equal(take(2, INT32_MAX - 5, 1 * MS), GOOSE_JUMPED);
+	assert_int_equal(take(3, INT32_MAX - 5, 1 * MS), GOOSE_JUMPED);
+	assert_int_equal(subscriber.missed, 0);
+	message.alive_ms = 100;
+	assert_int_equal(take(2, 1, 2 * MS), GOOSE_REPEATED);
+	assert_int_equal(take(34, 0, 3 * MS), GOOSE_TAKEN); /* 32 at once */
+	assert_int_equal(take(1034, 0, 1003 * MS),
+			 GOOSE_TAKEN); /* 1 000 in a second, of which none was heard */
 }
 
 static void test_numbers_go_round(void **state)
@@ -88,44 +149,71 @@ static void test_numbers_go_round(void **state)
 	assert_int_equal(take(1, 0, 2), GOOSE_TAKEN);
 }
 
-static void test_another_revision_ends_what_holds(void **state)
+/* One message that does not fit invalidates what holds. Of what was taken, nothing is forgotten. */
+static void test_another_revision_ends_what_holds_and_forgets_no_number(void **state)
 {
 	(void)state;
-	take(5, 3, 0);
+	take(100, 3, 0);
 	message.conf_rev = 3;
-	assert_int_equal(take(6, 0, 10 * MS), GOOSE_MISMATCHED);
+	assert_int_equal(take(101, 0, 10 * MS), GOOSE_MISMATCHED);
 	assert_true(goose_subscriber_expires(&subscriber, 10 * MS));
-	begin(NULL);
-	message.item_count = 2;
-	assert_int_equal(take(5, 3, 0), GOOSE_MISMATCHED);
+	message.conf_rev = 2;
+	assert_int_equal(take(5, 0, 11 * MS), GOOSE_OUT_OF_ORDER);
+	assert_int_equal(take(1, 0, 11 * MS), GOOSE_OUT_OF_ORDER);
+	assert_int_equal(take(100, 4, 12 * MS), GOOSE_TAKEN);
+	assert_int_equal(goose_subscriber_take(&subscriber, &message, false, 13 * MS, 0), GOOSE_MISMATCHED);
 	begin(NULL);
 	message.needs_commissioning = true;
 	assert_int_equal(take(5, 3, 0), GOOSE_MISMATCHED);
 	assert_false(goose_subscriber_expires(&subscriber, 0));
 }
 
+static bool is_heard(void)
+{
+	return goose_subscriber_hears(&subscriber, &message);
+}
+
 static void test_messages_of_others(void **state)
 {
 	(void)state;
+	assert_true(is_heard());
 	message.address.app_id = 10;
-	assert_int_equal(take(5, 3, 0), GOOSE_NOT_MINE);
+	assert_false(is_heard());
 	begin(NULL);
 	message.control.size--;
-	assert_int_equal(take(5, 3, 0), GOOSE_NOT_MINE);
+	assert_false(is_heard());
 	begin(NULL);
 	message.address.destination[5] = 2;
-	assert_int_equal(take(5, 3, 0), GOOSE_NOT_MINE);
-	begin(NULL);
-	message.simulation = true;
-	assert_int_equal(take(5, 3, 0), GOOSE_SIMULATED);
+	assert_false(is_heard());
 }
 
-static void test_a_time_without_end_ends(void **state)
+/* As LPHD.Sim of IEC 61850-7-4. */
+static void test_from_the_first_simulated_message_on_only_such_count(void **state)
+{
+	(void)state;
+	message.simulation = true;
+	assert_int_equal(take(5, 3, 0), GOOSE_SIMULATED);
+	subscription.stream.simulation = true;
+	message.simulation = false;
+	assert_int_equal(take(100, 3, 0), GOOSE_TAKEN);
+	message.simulation = true;
+	assert_int_equal(take(7, 3, 1 * MS), GOOSE_TAKEN);
+	message.simulation = false;
+	assert_int_equal(take(100, 4, 2 * MS), GOOSE_REAL);
+	assert_true(goose_subscriber_expires(&subscriber, 101 * MS));
+	assert_int_equal(take(100, 5, 102 * MS), GOOSE_REAL);
+	message.simulation = true;
+	assert_int_equal(take(7, 4, 103 * MS), GOOSE_TAKEN);
+}
+
+static void test_a_time_longer_than_agreed_is_cut(void **state)
 {
 	(void)state;
 	message.alive_ms = UINT32_MAX;
 	take(5, 3, 0);
-	assert_true(goose_subscriber_expires(&subscriber, 600 * NS_PER_S));
+	assert_false(goose_subscriber_expires(&subscriber, 60 * NS_PER_S - 1));
+	assert_true(goose_subscriber_expires(&subscriber, 60 * NS_PER_S));
+	assert_int_equal(take(1, 0, 60 * NS_PER_S), GOOSE_TAKEN);
 }
 
 /* Of a former process: until its own first message, or the end of the time. */
@@ -150,10 +238,15 @@ int main(void)
 	    cmocka_unit_test_setup(test_states_and_their_repetitions, begin),
 	    cmocka_unit_test_setup(test_a_state_holds_for_its_time, begin),
 	    cmocka_unit_test_setup(test_what_is_older_is_not_believed, begin),
+	    cmocka_unit_test_setup(test_silence_forgets_no_number, begin),
+	    cmocka_unit_test_setup(test_where_clocks_are_set_a_restart_is_later, begin),
+	    cmocka_unit_test_setup(test_a_time_ahead_is_no_later_than_now, begin),
+	    cmocka_unit_test_setup(test_a_jump_is_not_believed, begin),
 	    cmocka_unit_test_setup(test_numbers_go_round, begin),
-	    cmocka_unit_test_setup(test_another_revision_ends_what_holds, begin),
+	    cmocka_unit_test_setup(test_another_revision_ends_what_holds_and_forgets_no_number, begin),
 	    cmocka_unit_test_setup(test_messages_of_others, begin),
-	    cmocka_unit_test_setup(test_a_time_without_end_ends, begin),
+	    cmocka_unit_test_setup(test_from_the_first_simulated_message_on_only_such_count, begin),
+	    cmocka_unit_test_setup(test_a_time_longer_than_agreed_is_cut, begin),
 	    cmocka_unit_test_setup(test_what_another_process_took_ends, begin),
 	};
 

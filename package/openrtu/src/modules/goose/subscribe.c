@@ -7,10 +7,12 @@
 
 #define TAKEN_OVER_NS   (2 * NS_PER_S) /* after a reload: until a message of this process holds */
 #define TIME_TRUSTED_NS (5 * NS_PER_S) /* of a new state, before its first message came */
+#define SAID_AGAIN_NS   (60 * NS_PER_S)
 
 static struct map *map;
 static struct goose_stats *stats;
 static struct goose_subscriber subscribers[GOOSE_SUBSCRIBED_MAX];
+static int64_t said_ns[GOOSE_SUBSCRIBED_MAX]; /* nothing before this again */
 static uint32_t count;
 
 /* ---- a state as samples ------------------------------------------------------------------- */
@@ -60,6 +62,8 @@ static bool convert(const struct goose_subscriber *subscriber, const struct goos
 	const struct goose_leaf *leaves = &goose_leaves(config)[subscription->first_leaf];
 	const struct map_set *set = &config->sets[subscription->set];
 
+	if (message->item_count != subscription->leaf_count)
+		return false;
 	for (uint32_t i = 0; i < set->point_count; i++)
 		updates[i] = (struct map_update){.point = set->first_point + i,
 						 .sample.time_ns = moment_of(&message->time, now_ns)};
@@ -99,53 +103,72 @@ static void end_state(uint32_t number, int64_t now_ns)
 	invalidate(&subscribers[number], now_ns);
 }
 
-static void take_state(uint32_t number, const struct goose_message *message, int64_t now_ns)
+static void put_state(uint32_t number, const struct map_update *updates)
 {
-	struct goose_subscribed *of = &stats->subscribed[number];
-	const struct goose_subscriber *subscriber = &subscribers[number];
-	struct map_update updates[GOOSE_ITEMS_MAX];
-
-	map_count(&of->states, 1);
-	if (!convert(subscriber, message, updates, now_ns)) {
-		map_count(&of->mismatched, 1);
-		end_state(number, now_ns);
-		return;
-	}
-	atomic_store(&of->holds, 1);
-	map_publish(map, updates, map_config(map)->sets[subscriber->subscription->set].point_count);
+	atomic_store(&stats->subscribed[number].holds, 1);
+	map_publish(map, updates, map_config(map)->sets[subscribers[number].subscription->set].point_count);
 }
 
-static void count_verdict(struct goose_subscribed *of, enum goose_verdict verdict)
+static _Atomic uint32_t *counter_of(struct goose_subscribed *of, enum goose_verdict verdict)
 {
 	switch (verdict) {
 	case GOOSE_REPEATED:
-		map_count(&of->repeated, 1);
-		break;
+		return &of->repeated;
 	case GOOSE_OUT_OF_ORDER:
-		map_count(&of->out_of_order, 1);
-		break;
+		return &of->out_of_order;
+	case GOOSE_JUMPED:
+		return &of->jumps;
 	case GOOSE_SIMULATED:
-		map_count(&of->simulated, 1);
-		break;
+		return &of->simulated;
+	case GOOSE_REAL:
+		return &of->real;
 	case GOOSE_MISMATCHED:
-		map_count(&of->mismatched, 1);
-		break;
+		return &of->mismatched;
 	case GOOSE_TAKEN:
-	case GOOSE_NOT_MINE:
 		break;
 	}
+	return &of->states;
 }
 
-/* Several may have one control block, with other points. True: it is one of this subscription. */
-static bool offer(uint32_t number, const struct goose_message *message, int64_t now_ns)
+/* What an engineer must know of numbers that do not follow; not more often than once a minute. */
+static void alarm(uint32_t number, const struct goose_last *before, const struct goose_message *message,
+		  bool believed, int64_t now_ns)
 {
-	const enum goose_verdict verdict = goose_subscriber_take(&subscribers[number], message, now_ns);
+	const char *name = subscribers[number].subscription->stream.name;
 
-	count_verdict(&stats->subscribed[number], verdict);
-	atomic_store(&stats->subscribed[number].missed, subscribers[number].missed);
+	if (now_ns < said_ns[number])
+		return;
+	said_ns[number] = now_ns + SAID_AGAIN_NS;
+	if (believed)
+		map_log(map, MAP_LOG_WARNING, "%s: its publisher begins anew with stNum %u behind %u", name,
+			message->state, before->state);
+	else
+		map_log(map, MAP_LOG_WARNING,
+			"%s: stNum %u, sqNum %u do not follow %u, %u and are not believed: if its publisher "
+			"is right, restart it, or rtu-goose",
+			name, message->state, message->sequence, before->state, before->sequence);
+}
+
+/* What only this message of all is to its points. */
+static void judge(uint32_t number, const struct goose_message *message, int64_t now_ns)
+{
+	struct goose_subscriber *subscriber = &subscribers[number];
+	struct goose_subscribed *of = &stats->subscribed[number];
+	const struct goose_last before = subscriber->last;
+	const uint32_t restarts = subscriber->restarts;
+	const struct map_clock clock = map_clock_read(map);
+	struct map_update updates[GOOSE_ITEMS_MAX];
+	const bool fits = convert(subscriber, message, updates, now_ns);
+	const enum goose_verdict verdict = goose_subscriber_take(subscriber, message, fits, now_ns,
+								 clock.set ? map_wall_ns(clock, now_ns) : 0);
+
+	map_count(counter_of(of, verdict), 1);
+	atomic_store(&of->missed, subscriber->missed);
+	atomic_store(&of->restarts, subscriber->restarts);
 	if (verdict == GOOSE_TAKEN)
-		take_state(number, message, now_ns);
-	return verdict != GOOSE_NOT_MINE;
+		put_state(number, updates);
+	if (verdict == GOOSE_JUMPED || subscriber->restarts != restarts)
+		alarm(number, &before, message, verdict != GOOSE_JUMPED, now_ns);
 }
 
 void subscribe_take(const uint8_t *frame, size_t size, int64_t now_ns)
@@ -158,8 +181,13 @@ void subscribe_take(const uint8_t *frame, size_t size, int64_t now_ns)
 		map_count(&stats->damaged, 1);
 		return;
 	}
-	for (uint32_t i = 0; i < count; i++)
-		known |= offer(i, &message, now_ns);
+	/* Several may have one control block, with other points. */
+	for (uint32_t i = 0; i < count; i++) {
+		if (!goose_subscriber_hears(&subscribers[i], &message))
+			continue;
+		known = true;
+		judge(i, &message, now_ns);
+	}
 	if (!known)
 		map_count(&stats->unknown, 1);
 }
@@ -195,6 +223,9 @@ static void name_counters(const char *name, const struct goose_subscribed *of)
 	map_name_counter(map, &of->out_of_order, "%s.out_of_order", name);
 	map_name_counter(map, &of->mismatched, "%s.mismatched", name);
 	map_name_counter(map, &of->simulated, "%s.simulated", name);
+	map_name_counter(map, &of->real, "%s.real", name);
+	map_name_counter(map, &of->jumps, "%s.jumps", name);
+	map_name_counter(map, &of->restarts, "%s.restarts", name);
 	map_name_counter(map, &of->expired, "%s.expired", name);
 	map_name_counter(map, &of->floods, "%s.floods", name);
 }
