@@ -108,7 +108,8 @@ def objects_of(names: list[str]) -> dict[int, str]:
 
 
 def check_point(point: dict[str, Any], name: str, value: list[Any]) -> None:
-    shown, quality, time_ms = value
+    shown, quality, time_ms, *selected = value
+    assert selected in ([], [False])
     if point["quality"] == "good":
         assert shown == expected(point), (point, name)
         assert quality == 0 and time_ms > 1.6e12, (point, name)

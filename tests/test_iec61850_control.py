@@ -27,6 +27,7 @@ NOT_SUPPORTED, BY_MODE, BY_PROCESS, IN_EXECUTION, TOO_LATE = 1, 8, 9, 12, 16
 NOT_SELECTED, NO_ACCESS, LOST, INCONSISTENT, LOCKED = 18, 20, 23, 26, 27
 
 
+COMMAND_S = 30
 SELECT_S = 30  # a client on a busy host may take its time between selection and execution
 
 
@@ -37,7 +38,7 @@ def configuration(port: int) -> dict[str, Any]:
     pace = {"baud_rate": 38400, "data_bits": 8, "stop_bits": 1, "parity": 0}
     return {
         "iec104": {"connections_per_address": 8},
-        "commands": {"select_timeout": SELECT_S, "command_timeout": 30},
+        "commands": {"select_timeout": SELECT_S, "command_timeout": COMMAND_S},
         "iec61850": {"address": "127.0.0.1", "port": port, "controllers": ["127.0.0.1"]},
         "port": [{"value": 1, "active": 1, **pace, "slaves": [slave]}],
     }
@@ -191,6 +192,29 @@ def test_a_selection_is_good_for_one_execution_as_selected(plant: Plant) -> None
         assert act(client, "Cancel", BREAKER) == DENIED
         assert cause(client, BREAKER, "Cancel") == NOT_SELECTED
     assert len(plant.writes(mark)) == 1
+
+
+def test_stseld_shows_a_selection_of_any_protocol(plant: Plant) -> None:
+    """And sboTimeout and operTimeout are those of all protocols."""
+    names = (f"ST${BREAKER}$stSeld", f"CF${BREAKER}$sboTimeout", f"CF${BREAKER}$operTimeout")
+
+    def seen() -> list[int]:
+        answers = client.values(*[(DOMAIN, f"GGIO1${name}") for name in names])
+        return [int.from_bytes(content, "big") for _, content in answers]
+
+    with plant.client() as client, RawMaster(*plant.gateway.address) as master:
+        assert seen() == [0, SELECT_S * 1000, COMMAND_S * 1000]
+        assert act(client, "SBOw", BREAKER) == DONE
+        assert seen()[0] == 1
+        assert act(client, "Cancel", BREAKER) == DONE
+        assert seen()[0] == 0
+        plant.gateway.wait_for(plant.is_free, 60.0, "the selection is over")
+        master.request(C_DC, CA, 3, bytes([SELECT | 2]))
+        assert master.answer(C_DC).cause == ACT_CON
+        assert seen()[0] == 1
+        master.request(C_DC, CA, 3, bytes([2]))
+        assert master.answer(C_DC).cause == ACT_CON
+        assert seen()[0] == 0
 
 
 def test_a_selection_of_one_protocol_blocks_the_others(plant: Plant) -> None:

@@ -437,6 +437,73 @@ def test_an_icd_is_of_any_such_ied(describe: Describe) -> None:
     assert describe(chapter_5(), code=1, message='has no object "iec61850"') == b""
 
 
+CONTROL = {"SPC": "ST", "DPC": "ST", "INC": "ST", "APC": "MX"}  # the functional constraint of stSeld
+# IEC 61850-7-3, edition 2.1, tables of the common data classes: what tells a change, a quality, an update.
+TRIGGERS = {
+    "stVal": "dchg", "general": "dchg", "dirGeneral": "dchg", "actVal": "dchg", "range": "dchg",
+    "stSeld": "dchg",
+    "mag": "dchg dupd", "mxVal": "dchg dupd", "valWTr": "dchg dupd", "q": "qchg",
+}  # fmt: skip
+UPDATED = ("INS", "ENS", "ENC", "INC")  # of which stVal is
+
+
+@pytest.mark.parametrize("security", ["normal", "enhanced"])
+def test_classes_have_what_is_mandatory_and_its_triggers(describe: Describe, security: str) -> None:
+    """Presence conditions MOsbo and MOenhanced. What is under CF tells its changes."""
+    config = site_config(102)
+    config["iec61850"]["control_security"] = security
+    models = set()
+    for each in scl.File(describe(config)).root.iterfind(".//DOType", scl.NS):
+        cdc = each.get("cdc")
+        there = {(da.get("name"), da.get("fc")): da for da in each.iterfind("DA", scl.NS)}
+        if ("ctlModel", "CF") in there:
+            model = there["ctlModel", "CF"].findtext("Val", None, scl.NS)
+            assert (("stSeld", CONTROL.get(cdc)) in there) is ("sbo" in model)
+            assert (("sboTimeout", "CF") in there) is ("sbo" in model)
+            assert (("operTimeout", "CF") in there) is ("enhanced" in model)
+            models.add(model)
+        for (name, fc), da in there.items():
+            told = " ".join(word for word in ("dchg", "qchg", "dupd") if da.get(word) == "true")
+            expected = "dchg" if fc == "CF" else TRIGGERS.get(name, "")
+            if (name, fc) == ("stVal", "ST") and cdc in UPDATED:
+                expected = "dchg dupd"
+            assert told == expected, (each.get("id"), name)
+    assert models == {"status-only", *(f"{way}-with-{security}-security" for way in ("direct", "sbo"))}
+
+
+def test_capabilities_of_switches_are_of_their_classes(describe: Describe) -> None:
+    """The report's own breaker has them (figure 6.4)."""
+    config = site_config(102)
+    kinds = ("Q7XCBR1.CBOpCap", "Q7XCBR1.POWCap", "Q7XCBR1.MaxOpCap", "Q7XSWI1.SwOpCap", "Q7XSWI1.MaxOpCap")
+    config["modules"][0]["points"] += [
+        {"name": f"q7.{ln}", "type": "integer", "ioa": 300 + place, "ln": ln}
+        for place, ln in enumerate(kinds)
+    ]
+    text = describe(config)
+    assert scl.errors(text) == []
+    root = scl.File(text).root
+    types = {each.get("id"): each for each in root.iterfind(".//DOType", scl.NS)}
+    (breaker,) = root.iterfind(".//LNodeType[@id='CA7_Q7XCBR1']", scl.NS)
+    there = {each.get("name"): types[each.get("type")] for each in breaker.iterfind("DO", scl.NS)}
+    assert {name: there[name].get("cdc") for name in ("CBOpCap", "POWCap", "MaxOpCap")} == {
+        "CBOpCap": "ENS", "POWCap": "ENS", "MaxOpCap": "INS"
+    }  # fmt: skip
+    (capability,) = root.iterfind(".//EnumType[@id='SwitchingCapabilityKind']", scl.NS)
+    assert capability[4].text == "Close-Open-Close-Open"
+
+
+def test_other_editions_and_an_iid(describe: Describe) -> None:
+    """Edition 2 names no release, and is else the same; its schema is not here. An IID is a CID."""
+    config = site_config(102)
+    whole = describe(config, "--cid")
+    assert describe(config, "--iid") == whole == describe(config, "--cid", "--edition", "2.1")
+    second = describe(config, "--iid", "--edition", "2")
+    root = scl.File(second).root
+    assert (root.get("version"), root.get("revision"), root.get("release")) == ("2007", "B", None)
+    assert whole.replace(b' release="4"', b"").replace(b' originalSclRelease="4"', b"") == second
+    describe(config, "--edition", "1", code=2, message="--edition 1: expected 2 or 2.1")
+
+
 def test_names_are_escaped(describe: Describe) -> None:
     config = site_config(102)
     config["port"][0]["slaves"][0]["description"] = 'Müller & <Söhne> "1"'

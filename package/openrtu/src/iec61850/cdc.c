@@ -10,6 +10,12 @@ static const struct iec61850_node analogue[] = {{"f", IEC61850_FLOAT, NULL, 0}};
 #define STATUS(name, leaf)                                                                                   \
 	static const struct iec61850_node name[] = {                                                         \
 	    {"stVal", leaf, NULL, 0}, {"q", IEC61850_QUALITY, NULL, 0}, {"t", IEC61850_TIME, NULL, 0}}
+/* Of what is controlled: the last one only if it is selected before (IEC 61850-7-3, presence condition MOsbo). */
+#define SELECTED(name, leaf)                                                                                 \
+	static const struct iec61850_node name[] = {{"stVal", leaf, NULL, 0},                                \
+						    {"q", IEC61850_QUALITY, NULL, 0},                        \
+						    {"t", IEC61850_TIME, NULL, 0},                           \
+						    {"stSeld", IEC61850_SELD, NULL, 0}}
 #define MEASURED(name, value)                                                                                \
 	static const struct iec61850_node name[] = {{value, IEC61850_STRUCTURE, analogue, COUNT(analogue)},  \
 						    {"q", IEC61850_QUALITY, NULL, 0},                        \
@@ -19,6 +25,9 @@ STATUS(sps, IEC61850_BOOLEAN);
 STATUS(dps, IEC61850_DOUBLE);
 STATUS(ins, IEC61850_INTEGER);
 STATUS(ens, IEC61850_ENUM);
+SELECTED(spc, IEC61850_BOOLEAN);
+SELECTED(dpc, IEC61850_DOUBLE);
+SELECTED(inc, IEC61850_INTEGER);
 static const struct iec61850_node act[] = {
     {"general", IEC61850_BOOLEAN, NULL, 0}, {"q", IEC61850_QUALITY, NULL, 0}, {"t", IEC61850_TIME, NULL, 0}};
 static const struct iec61850_node acd[] = {{"general", IEC61850_BOOLEAN, NULL, 0},
@@ -28,7 +37,10 @@ static const struct iec61850_node acd[] = {{"general", IEC61850_BOOLEAN, NULL, 0
 static const struct iec61850_node step[] = {{"posVal", IEC61850_STEP, NULL, 0},
 					    {"transInd", IEC61850_TRANSIENT, NULL, 0}};
 MEASURED(mv, "mag");
-MEASURED(apc, "mxVal");
+static const struct iec61850_node apc[] = {{"mxVal", IEC61850_STRUCTURE, analogue, COUNT(analogue)},
+					   {"q", IEC61850_QUALITY, NULL, 0},
+					   {"t", IEC61850_TIME, NULL, 0},
+					   {"stSeld", IEC61850_SELD, NULL, 0}};
 static const struct iec61850_node mv_range[] = {{"mag", IEC61850_STRUCTURE, analogue, COUNT(analogue)},
 						{"range", IEC61850_RANGE, NULL, 0},
 						{"q", IEC61850_QUALITY, NULL, 0},
@@ -61,23 +73,49 @@ static const struct iec61850_node described[] = {{"d", IEC61850_DESCRIPTION, NUL
 	{                                                                                                    \
 		"units", IEC61850_STRUCTURE, unit, COUNT(unit)                                               \
 	}
-static const struct iec61850_node controlled[] = {{"ctlModel", IEC61850_CTL_MODEL, NULL, 0}};
-static const struct iec61850_node counted[] = {{"ctlModel", IEC61850_CTL_MODEL, NULL, 0}, UNITS};
 static const struct iec61850_node measured[] = {
     {"db", IEC61850_DEADBAND, NULL, 0}, {"dbRef", IEC61850_DEADBAND_REF, NULL, 0}, UNITS};
 static const struct iec61850_node ranged[] = {{"db", IEC61850_DEADBAND, NULL, 0},
 					      {"dbRef", IEC61850_DEADBAND_REF, NULL, 0},
 					      {"rangeC", IEC61850_STRUCTURE, range, COUNT(range)},
 					      UNITS};
-static const struct iec61850_node settable[] = {{"minVal", IEC61850_STRUCTURE, least, COUNT(least)},
-						{"maxVal", IEC61850_STRUCTURE, most, COUNT(most)},
-						{"stepSize", IEC61850_STRUCTURE, step_size, COUNT(step_size)},
-						{"ctlModel", IEC61850_CTL_MODEL, NULL, 0},
-						UNITS};
 static const struct iec61850_node whole[] = {UNITS};
 
-static const struct iec61850_node stepped[] = {{"ctlModel", IEC61850_CTL_MODEL, NULL, 0},
-					       {"persistent", IEC61850_PERSISTENT, NULL, 0}};
+/* What is controlled has a selection's time if it is selected before (MOsbo), and an execution's if that is reported (MOenhanced). */
+#define CTL_MODEL                                                                                            \
+	{                                                                                                    \
+		"ctlModel", IEC61850_CTL_MODEL, NULL, 0                                                      \
+	}
+#define SBO_TIMEOUT                                                                                          \
+	,                                                                                                    \
+	{                                                                                                    \
+		"sboTimeout", IEC61850_SBO_TIMEOUT, NULL, 0                                                  \
+	}
+#define OPER_TIMEOUT                                                                                         \
+	,                                                                                                    \
+	{                                                                                                    \
+		"operTimeout", IEC61850_OPER_TIMEOUT, NULL, 0                                                \
+	}
+#define CONTROLLED(name, before, behind)                                                                     \
+	static const struct iec61850_node name[] = {before CTL_MODEL behind};                                \
+	static const struct iec61850_node name##_sbo[] = {before CTL_MODEL SBO_TIMEOUT behind};              \
+	static const struct iec61850_node name##_enhanced[] = {before CTL_MODEL OPER_TIMEOUT behind};        \
+	static const struct iec61850_node name##_sbo_enhanced[] = {                                          \
+	    before CTL_MODEL SBO_TIMEOUT OPER_TIMEOUT behind}
+#define RANGE_OF_VALUES                                                                                      \
+	{"minVal", IEC61850_STRUCTURE, least, COUNT(least)},                                                 \
+	    {"maxVal", IEC61850_STRUCTURE, most, COUNT(most)},                                               \
+	    {"stepSize", IEC61850_STRUCTURE, step_size, COUNT(step_size)},
+#define PERSISTENT                                                                                           \
+	,                                                                                                    \
+	{                                                                                                    \
+		"persistent", IEC61850_PERSISTENT, NULL, 0                                                   \
+	}
+#define AND_UNITS , UNITS
+CONTROLLED(controlled, , );
+CONTROLLED(counted, , AND_UNITS);
+CONTROLLED(settable, RANGE_OF_VALUES, AND_UNITS);
+static const struct iec61850_node stepped[] = {CTL_MODEL PERSISTENT};
 
 /* The services of a command (8-1, 20.5 and annex E): which there are, the model says. */
 static const struct iec61850_node origin[] = {{"orCat", IEC61850_ENUM, NULL, 0},
@@ -138,9 +176,9 @@ static const struct iec61850_nodes classes[IEC61850_CDCS][IEC61850_FCS] = {
     [IEC61850_ENC] = {[IEC61850_ST] = NODES(ens)},
     [IEC61850_MV] = {[IEC61850_MX] = NODES(mv), [IEC61850_DC] = NODES(described)},
     [IEC61850_BCR] = {[IEC61850_ST] = NODES(bcr), [IEC61850_DC] = NODES(described)},
-    [IEC61850_SPC] = {[IEC61850_ST] = NODES(sps), [IEC61850_DC] = NODES(described)},
-    [IEC61850_DPC] = {[IEC61850_ST] = NODES(dps), [IEC61850_DC] = NODES(described)},
-    [IEC61850_INC] = {[IEC61850_ST] = NODES(ins), [IEC61850_DC] = NODES(described)},
+    [IEC61850_SPC] = {[IEC61850_ST] = NODES(spc), [IEC61850_DC] = NODES(described)},
+    [IEC61850_DPC] = {[IEC61850_ST] = NODES(dpc), [IEC61850_DC] = NODES(described)},
+    [IEC61850_INC] = {[IEC61850_ST] = NODES(inc), [IEC61850_DC] = NODES(described)},
     [IEC61850_APC] = {[IEC61850_MX] = NODES(apc), [IEC61850_DC] = NODES(described)},
     [IEC61850_LPL] = {[IEC61850_DC] = NODES(plate), [IEC61850_EX] = NODES(name_space)},
     [IEC61850_DPL] = {[IEC61850_DC] = NODES(physical_plate)},
@@ -148,16 +186,27 @@ static const struct iec61850_nodes classes[IEC61850_CDCS][IEC61850_FCS] = {
 };
 
 /* What is there under CF: all of nodes, but the first ones without limits, and the last one without a unit. */
+#define SHOWN(nodes)                                                                                         \
+	{                                                                                                    \
+		[IEC61850_STATUS_ONLY] = NODES(nodes)                                                        \
+	}
+#define BY_MODEL(nodes)                                                                                      \
+	{                                                                                                    \
+		[IEC61850_STATUS_ONLY] = NODES(nodes), [IEC61850_DIRECT_NORMAL] = NODES(nodes),              \
+		[IEC61850_SBO_NORMAL] = NODES(nodes##_sbo),                                                  \
+		[IEC61850_DIRECT_ENHANCED] = NODES(nodes##_enhanced),                                        \
+		[IEC61850_SBO_ENHANCED] = NODES(nodes##_sbo_enhanced)                                        \
+	}
 static const struct {
-	struct iec61850_nodes nodes;
+	struct iec61850_nodes nodes[IEC61850_CTL_MODELS];
 	unsigned limits, units;
 } settings[IEC61850_CDCS] = {
-    [IEC61850_INS] = {NODES(whole), 0, 1},       [IEC61850_ENC] = {NODES(controlled), 0, 0},
-    [IEC61850_BCR] = {NODES(pulses), 0, 1},      [IEC61850_MV] = {NODES(measured), 2, 1},
-    [IEC61850_SPC] = {NODES(controlled), 0, 0},  [IEC61850_DPC] = {NODES(controlled), 0, 0},
-    [IEC61850_INC] = {NODES(counted), 0, 1},     [IEC61850_BSC] = {NODES(stepped), 0, 0},
-    [IEC61850_ISC] = {NODES(controlled), 0, 0},  [IEC61850_APC] = {NODES(settable), 3, 1},
-    [IEC61850_MV_RANGE] = {NODES(ranged), 2, 1},
+    [IEC61850_INS] = {SHOWN(whole), 0, 1},         [IEC61850_ENC] = {SHOWN(controlled), 0, 0},
+    [IEC61850_BCR] = {SHOWN(pulses), 0, 1},        [IEC61850_MV] = {SHOWN(measured), 2, 1},
+    [IEC61850_SPC] = {BY_MODEL(controlled), 0, 0}, [IEC61850_DPC] = {BY_MODEL(controlled), 0, 0},
+    [IEC61850_INC] = {BY_MODEL(counted), 0, 1},    [IEC61850_BSC] = {SHOWN(stepped), 0, 0},
+    [IEC61850_ISC] = {SHOWN(controlled), 0, 0},    [IEC61850_APC] = {BY_MODEL(settable), 3, 1},
+    [IEC61850_MV_RANGE] = {SHOWN(ranged), 2, 1},
 };
 
 #define MODELS(value)                                                                                        \
@@ -173,14 +222,21 @@ static const struct iec61850_nodes services[IEC61850_CDCS][IEC61850_CTL_MODELS] 
     [IEC61850_INC] = MODELS(integer),
     [IEC61850_APC] = MODELS(set_point)};
 
-struct iec61850_nodes iec61850_cdc_nodes(enum iec61850_cdc cdc, enum iec61850_fc fc)
+struct iec61850_nodes iec61850_cdc_nodes(enum iec61850_cdc cdc, enum iec61850_ctl_kind model,
+					 enum iec61850_fc fc)
 {
-	return classes[cdc][fc];
+	struct iec61850_nodes all = classes[cdc][fc];
+
+	if (model != IEC61850_SBO_NORMAL && model != IEC61850_SBO_ENHANCED && all.count > 0 &&
+	    all.nodes[all.count - 1].leaf == IEC61850_SELD)
+		all.count--;
+	return all;
 }
 
-struct iec61850_nodes iec61850_cdc_settings(enum iec61850_cdc cdc, bool limits, bool has_unit)
+struct iec61850_nodes iec61850_cdc_settings(enum iec61850_cdc cdc, enum iec61850_ctl_kind model, bool limits,
+					    bool has_unit)
 {
-	const struct iec61850_nodes all = settings[cdc].nodes;
+	const struct iec61850_nodes all = settings[cdc].nodes[model];
 	const unsigned before = limits ? 0 : settings[cdc].limits,
 		       behind = has_unit ? 0 : settings[cdc].units;
 
@@ -191,7 +247,7 @@ struct iec61850_nodes iec61850_cdc_settings(enum iec61850_cdc cdc, bool limits, 
 
 bool iec61850_cdc_is_controllable(enum iec61850_cdc cdc)
 {
-	const struct iec61850_nodes all = settings[cdc].nodes;
+	const struct iec61850_nodes all = settings[cdc].nodes[IEC61850_STATUS_ONLY];
 
 	for (unsigned i = 0; i < all.count; i++)
 		if (all.nodes[i].leaf == IEC61850_CTL_MODEL)

@@ -56,7 +56,10 @@ enum iec61850_leaf {
 	IEC61850_LOW_LOW,
 	IEC61850_MEASURED_LEAST, /* real, this and the next one: of all that it can be */
 	IEC61850_MEASURED_MOST,
-	IEC61850_CTL_MODEL, /* how it is controlled */
+	IEC61850_CTL_MODEL,    /* how it is controlled */
+	IEC61850_SELD,         /* whether it is selected */
+	IEC61850_SBO_TIMEOUT,  /* milliseconds that a selection lasts */
+	IEC61850_OPER_TIMEOUT, /* ... and an execution, at most */
 	IEC61850_QUALITY,
 	IEC61850_TIME,
 	IEC61850_DESCRIPTION,
@@ -107,10 +110,12 @@ struct iec61850_nodes {
 	unsigned count;
 };
 
-/* What data of a class has under a functional constraint but CF and CO; nothing: count 0. */
-struct iec61850_nodes iec61850_cdc_nodes(enum iec61850_cdc cdc, enum iec61850_fc fc);
+/* What data of a class, controlled so, has under a functional constraint but CF and CO; nothing: count 0. */
+struct iec61850_nodes iec61850_cdc_nodes(enum iec61850_cdc cdc, enum iec61850_ctl_kind model,
+					 enum iec61850_fc fc);
 /* What it has under CF, if its point has limits (of a set-point; else a deadband), and a unit. */
-struct iec61850_nodes iec61850_cdc_settings(enum iec61850_cdc cdc, bool limits, bool unit);
+struct iec61850_nodes iec61850_cdc_settings(enum iec61850_cdc cdc, enum iec61850_ctl_kind model, bool limits,
+					    bool unit);
 /* Whether it has a ctlModel. */
 bool iec61850_cdc_is_controllable(enum iec61850_cdc cdc);
 /* Finds an attribute, as mag.f, inside. NULL: there is none. */

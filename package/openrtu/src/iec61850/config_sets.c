@@ -159,14 +159,14 @@ static bool has_member(const struct growing *members, const struct iec61850_data
 	return false;
 }
 
-/* What a point has under ST or MX. */
+/* What a point has under ST or MX, however it is controlled. */
 static struct iec61850_nodes inside_of(const struct map_config *config, uint32_t point)
 {
 	const enum iec61850_cdc cdc = iec61850_configured_cdc(config, point);
 	struct iec61850_nodes measured;
 
-	measured = iec61850_cdc_nodes(cdc, IEC61850_MX);
-	return measured.count > 0 ? measured : iec61850_cdc_nodes(cdc, IEC61850_ST);
+	measured = iec61850_cdc_nodes(cdc, IEC61850_STATUS_ONLY, IEC61850_MX);
+	return measured.count > 0 ? measured : iec61850_cdc_nodes(cdc, IEC61850_STATUS_ONLY, IEC61850_ST);
 }
 
 /* q0.position, or q0.position[stVal]: no name of a point has brackets. */

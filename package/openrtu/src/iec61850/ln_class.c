@@ -117,8 +117,11 @@ static const struct iec61850_data simg[] = {
 static const struct iec61850_data stmp[] = {SUPERVISION,     IS("Alm", SPS),     IS("RteAlm", SPS),
 					    IS("Trip", SPS), IS("RteTrip", SPS), IS("Tmp", MV),
 					    IS("TmpRte", MV)};
-static const struct iec61850_data xcbr[] = {SWITCHING, IS("MaxOpCap", INS), IS("SumSwARs", BCR)};
-static const struct iec61850_data xswi[] = {SWITCHING, ENUMERATED("SwTyp", ENS, IEC61850_MANDATORY, SWITCH)};
+static const struct iec61850_data xcbr[] = {SWITCHING, IS("MaxOpCap", INS), IS("SumSwARs", BCR),
+					    ENUMERATED("CBOpCap", ENS, 0, CAPABILITY),
+					    ENUMERATED("POWCap", ENS, 0, ON_WAVE)};
+static const struct iec61850_data xswi[] = {SWITCHING, ENUMERATED("SwTyp", ENS, IEC61850_MANDATORY, SWITCH),
+					    IS("MaxOpCap", INS), ENUMERATED("SwOpCap", ENS, 0, CAPABILITY)};
 static const struct iec61850_data yltc[] = {FUNCTION,
 					    MANDATORY("EndPosR", SPS),
 					    MANDATORY("EndPosL", SPS),

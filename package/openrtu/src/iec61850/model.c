@@ -140,6 +140,12 @@ enum iec61850_ctl_kind iec61850_ctl_model(const struct iec61850_model *model, ui
 	return settings->normal_security ? IEC61850_DIRECT_NORMAL : IEC61850_DIRECT_ENHANCED;
 }
 
+/* Mod, the only one without a point that has a ctlModel, only shows. */
+static enum iec61850_ctl_kind control_of(const struct iec61850_model *model, uint32_t point)
+{
+	return point == MAP_NONE ? IEC61850_STATUS_ONLY : iec61850_ctl_model(model, point);
+}
+
 /* A normalized value is shown as a part of what the unit would be of, an angle in degrees. */
 struct iec61850_unit iec61850_unit_of(const struct iec61850_model *model, const struct map_point *point)
 {
@@ -175,20 +181,19 @@ struct iec61850_nodes iec61850_nodes_of(const struct iec61850_model *model,
 {
 	const struct iec61850_block *block = iec61850_block_of(device, ln, number);
 	const struct iec61850_object object = {.device = device, .ln = ln, .number = number};
-	uint32_t point;
+	enum iec61850_ctl_kind control;
 	enum iec61850_cdc cdc;
+	uint32_t point;
 
 	if (block != NULL)
 		return nodes_of_block(block, fc);
 	cdc = what_of(model, &object).cdc;
-	if (fc != IEC61850_CF && fc != IEC61850_CO)
-		return iec61850_cdc_nodes(cdc, fc);
 	point = iec61850_point_of(model, &object);
+	control = control_of(model, point);
 	if (fc == IEC61850_CF)
-		return iec61850_cdc_settings(cdc, has_limits(model, point, cdc), has_unit(model, point));
-	if (point == MAP_NONE)
-		return (struct iec61850_nodes){0};
-	return iec61850_cdc_services(cdc, iec61850_ctl_model(model, point));
+		return iec61850_cdc_settings(cdc, control, has_limits(model, point, cdc),
+					     has_unit(model, point));
+	return fc == IEC61850_CO ? iec61850_cdc_services(cdc, control) : iec61850_cdc_nodes(cdc, control, fc);
 }
 
 bool iec61850_has(const struct iec61850_model *model, const struct iec61850_device *device, uint32_t ln,
@@ -214,8 +219,7 @@ struct iec61850_class iec61850_class_of(const struct iec61850_model *model,
 				       .has_limits = has_limits(model, point, what.cdc),
 				       .has_unit = has_unit(model, point),
 				       .has_range = what.cdc == IEC61850_MV_RANGE,
-				       .control = point == MAP_NONE ? IEC61850_STATUS_ONLY
-								    : iec61850_ctl_model(model, point)};
+				       .control = control_of(model, point)};
 }
 
 struct iec61850_object iec61850_object_of(const struct iec61850_model *model, uint32_t point)

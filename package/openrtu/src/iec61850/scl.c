@@ -476,8 +476,8 @@ static void put_ied(const struct iec61850_scl *scl)
 {
 	line(scl, 1,
 	     "<IED name=\"%s\" type=\"gateway\" manufacturer=\"OpenRTU\" configVersion=\"%08x\" "
-	     "originalSclVersion=\"2007\" originalSclRevision=\"B\" originalSclRelease=\"4\">",
-	     ied_of(scl), (unsigned)scl->model->revision);
+	     "originalSclVersion=\"2007\" originalSclRevision=\"B\"%s>",
+	     ied_of(scl), (unsigned)scl->model->revision, scl->edition_2 ? "" : " originalSclRelease=\"4\"");
 	line(scl, 2, "<Services nameLength=\"64\">");
 	line(scl, 3, "<GetDirectory/>");
 	line(scl, 3, "<GetDataObjectDefinition/>");
@@ -522,6 +522,11 @@ static const struct {
 				  "FaultDisappeared", "WaitToComplete", "CBclosed", "CycleUnsuccessful",
 				  "Unsuccessful", "Aborted", "NotReady"},
 				 1},
+    [IEC61850_CAPABILITY_KIND] = {"SwitchingCapabilityKind",
+				  {"None", "Open", "Close-Open", "Open-Close-Open", "Close-Open-Close-Open",
+				   "Open-Close-Open-Close-Open", "more"},
+				  1},
+    [IEC61850_ON_WAVE_KIND] = {"POWCapKind", {"None", "Close", "Open", "Close and Open"}, 1},
     [IEC61850_DIRECTION_KIND] = {"FaultDirectionKind", {"unknown", "forward", "backward", "both"}, 0},
     [IEC61850_CTL_MODEL_KIND] = {"CtlModelKind",
 				 {"status-only", "direct-with-normal-security", "sbo-with-normal-security",
@@ -581,8 +586,11 @@ static enum iec61850_enumeration enumeration_of(const struct iec61850_node *node
 }
 
 /* What is the same for all objects of the type. */
-static const char *constant_of(const struct iec61850_node *node, const struct iec61850_class *class)
+static const char *constant_of(const struct iec61850_scl *scl, const struct iec61850_node *node,
+			       const struct iec61850_class *class, char number[TEXT_SIZE])
 {
+	const struct map_settings *settings = &scl->model->config->settings;
+
 	switch (node->leaf) {
 	case IEC61850_CTL_MODEL:
 		return literal(IEC61850_CTL_MODEL_KIND, (int)class->control);
@@ -596,6 +604,12 @@ static const char *constant_of(const struct iec61850_node *node, const struct ie
 		return "1";
 	case IEC61850_DEADBAND:
 		return "100000"; /* IEC61850_DEADBAND_WHOLE */
+	case IEC61850_SBO_TIMEOUT:
+		snprintf(number, TEXT_SIZE, "%lld", settings->select_timeout_s * MS_PER_S);
+		return number;
+	case IEC61850_OPER_TIMEOUT:
+		snprintf(number, TEXT_SIZE, "%lld", settings->command_timeout_s * MS_PER_S);
+		return number;
 	default:
 		return NULL;
 	}
@@ -606,8 +620,9 @@ static void put_attribute(const struct iec61850_scl *scl, const char *element, c
 			  const struct iec61850_node *node, const struct iec61850_class *class,
 			  const char *in)
 {
-	const char *const basic = iec61850_leaf_types[node->leaf].basic, *const constant =
-									     constant_of(node, class);
+	char number[TEXT_SIZE];
+	const char *const basic = iec61850_leaf_types[node->leaf].basic;
+	const char *const constant = constant_of(scl, node, class, number);
 
 	fprintf(scl->out, "   <%s name=\"%s\"%s bType=\"%s\"", element, node->name, more, basic);
 	if (node->count > 0)
@@ -640,6 +655,20 @@ static void put_structures(const struct iec61850_scl *scl, struct iec61850_nodes
 	}
 }
 
+/* The triggers of an attribute, as the tables of IEC 61850-7-3 have them: of all its values, numbers and structures are updated, too. */
+static const char *triggers_of(enum iec61850_fc fc, enum iec61850_leaf leaf)
+{
+	if (fc == IEC61850_CF)
+		return " dchg=\"true\"";
+	if ((fc != IEC61850_ST && fc != IEC61850_MX) || leaf == IEC61850_TIME)
+		return "";
+	if (leaf == IEC61850_QUALITY)
+		return " qchg=\"true\"";
+	return leaf == IEC61850_ENUM || leaf == IEC61850_INTEGER || leaf == IEC61850_STRUCTURE
+		   ? " dchg=\"true\" dupd=\"true\""
+		   : " dchg=\"true\"";
+}
+
 static void put_type(const struct iec61850_scl *scl, const struct iec61850_object *object)
 {
 	const struct iec61850_class class = iec61850_class_of(scl->model, object);
@@ -649,15 +678,10 @@ static void put_type(const struct iec61850_scl *scl, const struct iec61850_objec
 	line(scl, 2, "<DOType id=\"%s\" cdc=\"%s\">", id, class.name);
 	for (unsigned fc = 0; fc < IEC61850_FCS; fc++) {
 		const struct iec61850_nodes inside = inside_of(scl, object, fc);
-		const bool reported = fc == IEC61850_ST || fc == IEC61850_MX;
 
 		for (unsigned i = 0; i < inside.count; i++) {
-			const enum iec61850_leaf leaf = inside.nodes[i].leaf;
-
 			snprintf(more, sizeof(more), " fc=\"%s\"%s", iec61850_fc_name(fc),
-				 !reported || leaf == IEC61850_TIME ? ""
-				 : leaf == IEC61850_QUALITY         ? " qchg=\"true\""
-								    : " dchg=\"true\"");
+				 triggers_of((enum iec61850_fc)fc, inside.nodes[i].leaf));
 			put_attribute(scl, "DA", more, &inside.nodes[i], &class, id);
 		}
 	}
@@ -751,7 +775,8 @@ void iec61850_scl_write(const struct iec61850_scl *scl)
 	line(scl, 0, "<?xml version=\"1.0\" encoding=\"UTF-8\"?>");
 	line(scl, 0,
 	     "<SCL xmlns=\"http://www.iec.ch/61850/2003/SCL\" xmlns:IEC_60870_5_104=\"" NS_104
-	     "\" version=\"2007\" revision=\"B\" release=\"4\">");
+	     "\" version=\"2007\" revision=\"B\"%s>",
+	     scl->edition_2 ? "" : " release=\"4\"");
 	line(scl, 1, "<Header id=\"%s\" version=\"%s\" revision=\"%08x\" toolID=\"rtud\"/>", ied_of(scl),
 	     OPENRTU_VERSION, (unsigned)scl->model->revision);
 	if (scl->configured)

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* The model in the language of engineers' tools, SCL (IEC 61850-6, edition 2.1: schema 2007B4). */
+/* The model in the language of engineers' tools, SCL (IEC 61850-6, edition 2.1: schema 2007B4; or edition 2: 2007B). */
 #ifndef OPENRTU_IEC61850_SCL_H
 #define OPENRTU_IEC61850_SCL_H
 
@@ -27,7 +27,8 @@ struct iec61850_scl_goose {
 struct iec61850_scl {
 	FILE *out;
 	const struct iec61850_model *model;
-	bool configured; /* a CID: this IED with its addresses; else an ICD, of any such IED */
+	bool configured; /* a CID or an IID: this IED with its addresses; else an ICD, of any such IED */
+	bool edition_2;  /* for tools that know no later one. The model is the same */
 	struct iec61850_scl_address (*address)(const struct map_point *point);
 	const struct iec61850_scl_goose *goose;
 	uint32_t goose_count;

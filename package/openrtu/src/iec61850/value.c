@@ -271,6 +271,15 @@ static enum iec61850_ctl_kind control_model(const struct iec61850_model *model,
 	return point == MAP_NONE ? IEC61850_STATUS_ONLY : iec61850_ctl_model(model, point);
 }
 
+/* By whomever, with any protocol. The map keeps no former selections: a report has what is now. */
+static bool is_selected(const struct iec61850_model *model, const struct iec61850_object *object)
+{
+	struct map_command command;
+
+	return map_command_read(model->map, iec61850_point_of(model, object), &command) &&
+	       command.state == MAP_ACCEPTED_SELECTION;
+}
+
 static const struct map_point *config_of(const struct iec61850_model *model,
 					 const struct iec61850_object *object)
 {
@@ -399,6 +408,16 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		return;
 	case IEC61850_CTL_MODEL:
 		ber_put_integer(writer, IEC61850_TAG_INTEGER, control_model(model, state->object));
+		return;
+	case IEC61850_SELD:
+		ber_put(writer, IEC61850_TAG_BOOLEAN, (const uint8_t[]){is_selected(model, state->object)},
+			1);
+		return;
+	case IEC61850_SBO_TIMEOUT:
+		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, map_select_timeout_s(model->map) * MS_PER_S);
+		return;
+	case IEC61850_OPER_TIMEOUT:
+		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, map_command_timeout_s(model->map) * MS_PER_S);
 		return;
 	case IEC61850_QUALITY:
 		iec61850_put_bits(writer, state->quality, QUALITY_BITS);

@@ -4,6 +4,7 @@
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <unistd.h>
 
 #include "rtud/config.h"
@@ -34,6 +35,8 @@ static const char usage[] =
     "  --csv            list as CSV, from which openrtu points makes a configuration   [the default]\n"
     "  --markdown       list as a table for an interoperability sheet\n"
     "  --cid            with --scl: a CID, with the IED's name and addresses; without it an ICD\n"
+    "  --iid            the same as --cid, for a system tool: an IID\n"
+    "  --edition E      with --scl: of IEC 61850-6, 2 or 2.1    [2.1]\n"
     "  --map DIR        folder of the point map, on a tmpfs     [/run/openrtu]\n"
     "  --dev DIR        folder of the serial devices            [/dev]\n"
     "  --modules DIR    folder of the module programs           [" OPENRTU_MODULES "]\n"
@@ -53,7 +56,7 @@ struct arguments {
 	bool check;
 	bool plan;
 	bool points;
-	bool scl, cid;
+	bool scl, cid, edition_2;
 	enum config_list list;
 	bool help;
 	bool version;
@@ -66,6 +69,15 @@ static bool parse_uid(const char *text, uint32_t *uid)
 
 	*uid = (uint32_t)number;
 	return *text && !*end && number <= 4000000000ul;
+}
+
+static bool parse_edition(const char *text, bool *edition_2)
+{
+	*edition_2 = strcmp(text, "2") == 0;
+	if (*edition_2 || strcmp(text, "2.1") == 0)
+		return true;
+	fprintf(stderr, "rtud: --edition %s: expected 2 or 2.1\n", text);
+	return false;
 }
 
 static bool take_file(int argc, char **argv, struct arguments *arguments)
@@ -86,6 +98,8 @@ static bool parse(int argc, char **argv, struct arguments *arguments)
 	    {"points", no_argument, NULL, 't'},
 	    {"scl", no_argument, NULL, 's'},
 	    {"cid", no_argument, NULL, 'i'},
+	    {"iid", no_argument, NULL, 'i'},
+	    {"edition", required_argument, NULL, 'e'},
 	    {"csv", no_argument, NULL, 'v'},
 	    {"markdown", no_argument, NULL, 'k'},
 	    {"map", required_argument, NULL, 'm'},
@@ -115,6 +129,10 @@ static bool parse(int argc, char **argv, struct arguments *arguments)
 			break;
 		case 'i':
 			arguments->cid = true;
+			break;
+		case 'e':
+			if (!parse_edition(optarg, &arguments->edition_2))
+				return false;
 			break;
 		case 'v':
 			arguments->list = CONFIG_CSV;
@@ -181,7 +199,9 @@ static int run(const struct arguments *arguments)
 static int print_scl(const struct arguments *arguments)
 {
 #if OPENRTU_IEC61850
-	return scl_print(arguments->file, modules, arguments->cid);
+	const struct cid_form form = {.configured = arguments->cid, .edition_2 = arguments->edition_2};
+
+	return scl_print(arguments->file, modules, form);
 #else
 	(void)arguments;
 	fputs("rtud: --scl needs rtu-iec61850: build with -Diec61850=true\n", stderr);

@@ -3,12 +3,10 @@
 #ifndef OPENRTU_RTUD_SCL_H
 #define OPENRTU_RTUD_SCL_H
 
+#include "modules/iec61850/cid.h"
 #include "rtud/config.h"
 
-/*
- * Prints the server of IEC 61850 on stdout, as an ICD, or with its name and addresses as a CID. Errors as config_check. Returns the
- * exit code.
- */
-int scl_print(const char *path, struct config_modules modules, bool configured);
+/* Prints the server of IEC 61850 on stdout. Errors as config_check. Returns the exit code. */
+int scl_print(const char *path, struct config_modules modules, struct cid_form form);
 
 #endif

@@ -108,12 +108,13 @@ static uint32_t take_publications(const struct iec61850_model *model,
 	return count;
 }
 
-void cid_write(FILE *out, const struct iec61850_model *model, bool configured, FILE *messages)
+void cid_write(FILE *out, const struct iec61850_model *model, struct cid_form form, FILE *messages)
 {
 	struct iec61850_scl_goose goose[GOOSE_PUBLISHED_MAX];
 	const struct iec61850_scl scl = {.out = out,
 					 .model = model,
-					 .configured = configured,
+					 .configured = form.configured,
+					 .edition_2 = form.edition_2,
 					 .address = address_of,
 					 .goose = goose,
 					 .goose_count = take_publications(model, goose, messages)};
@@ -128,7 +129,7 @@ static bool write_all(int fd, const struct iec61850_model *model)
 
 	if (out == NULL)
 		return false;
-	cid_write(out, model, true, NULL);
+	cid_write(out, model, (struct cid_form){.configured = true}, NULL);
 	good = ferror(out) == 0;
 	return fclose(out) == 0 && good;
 }

@@ -7,8 +7,13 @@
 
 #include "iec61850/model.h"
 
-/* configured: a CID of this IED; else an ICD. messages: what is left out, and why; NULL: nobody wants to know. */
-void cid_write(FILE *out, const struct iec61850_model *model, bool configured, FILE *messages);
+/* As struct iec61850_scl has them. */
+struct cid_form {
+	bool configured, edition_2;
+};
+
+/* messages: what is left out, and why; NULL: nobody wants to know. */
+void cid_write(FILE *out, const struct iec61850_model *model, struct cid_form form, FILE *messages);
 /* A CID in memory of the kernel, which nobody can change any more. -1 with errno: there is none. */
 int cid_file(const struct map_config *config);
 
