@@ -237,8 +237,10 @@ def test_every_target_is_phony() -> None:
 
 def test_ci_types_what_the_readme_says() -> None:
     commands = [line for line in text_of(Path(".ci/run")).splitlines() if line.startswith("make")]
-    assert commands == ["make test"]
+    assert commands == ["make test", "make test-user"]
     assert "make test" in code_of(Path("README.md"))
+    typed = re.search(r'set -- "(.*)" "(.*)"', text_of(Path("tests/as-user.sh")))
+    assert typed and "\n".join(typed.groups()) in code_of(Path("README.md"))
 
 
 # ---- pages ---------------------------------------------------------------------------------------
