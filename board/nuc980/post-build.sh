@@ -23,14 +23,14 @@ place() {
 	fi
 }
 
-# In chrony's own words; any other directive, as "allow", would be a setting of the image. S15data judges alike.
-check_ntp() {
-	local write='write "server ADDRESS iburst", "pool ADDRESS iburst" or "refclock SOCK /run/gps/clock refid GPS", one a line'
-
-	[ -f "$site/ntp" ] || return 0
-	! wrong=$(grep -vE '^((server|pool) [^ ]|refclock SOCK /run/gps/clock( |$)|#|$)' "$site/ntp") ||
-		fail "$site/ntp: \"$wrong\" names neither a server nor the receiver: $write"
-	grep -qE '^(server|pool|refclock) ' "$site/ntp" || fail "$site/ntp names neither a server nor the receiver: $write"
+# What is judged on the board too, by the same words: rtu-site. A gateway of this machine knows about its configuration.
+check_settings() {
+	local file why
+	for file in "$site"/*; do
+		[ -f "$file" ] || continue
+		why=$(RTUD=$tree/build/native/rtud/rtud "$tree/board/nuc980/rootfs-overlay/usr/sbin/rtu-site" check "${file##*/}" "$file") ||
+			fail "$file: $why"
+	done
 }
 
 check_root_password() {
@@ -58,8 +58,6 @@ check_update() {
 	[ -f "$site/update.pem" ] || return 0
 	grep -q '^-----BEGIN CERTIFICATE-----$' "$site/update.pem" ||
 		fail "$site/update.pem has no certificate: docs/update.md tells how to make one"
-	! grep -q 'PRIVATE KEY' "$site/update.pem" ||
-		fail "$site/update.pem has a private key, which no board may have: keep the certificates there, and the key off it"
 	[[ ${site##*/} =~ ^[A-Za-z0-9._-]+$ ]] ||
 		fail "$site: the folder's name is the site's in its updates, of letters, digits, '.', '_' and '-'"
 }
@@ -87,11 +85,12 @@ check_site() {
 	[ -d "$site" ] || fail "SITE_SETTINGS: $site is not a folder"
 	for file in "$site"/*; do
 		case ${file##*/} in
-		config.json | interfaces | authorized_keys | ntp | root-password | macs | update.pem | update-server | update-server.pem) ;;
+		config.json | interfaces | authorized_keys | hostname | ntp | root-password | macs | update.pem | update-server | update-server.pem) ;;
+		board-ip | environment*.txt | flash-*) ;; # nuc980-netboot's, which shares the folder
 		*) fail "$file is not a setting of a site: configs/README.md lists them" ;;
 		esac
 	done
-	check_ntp
+	check_settings
 	check_root_password
 	check_update
 	check_update_server
@@ -134,6 +133,7 @@ rm -rf "$target/etc/openrtu" "$target/root/.ssh" "$target/etc/chrony" "$target/e
 place config.json 644 etc/openrtu/gateway.json
 place ntp 644 etc/chrony/site.conf
 place interfaces 644 etc/network/interfaces
+place hostname 644 etc/hostname
 place authorized_keys 600 root/.ssh/authorized_keys
 [ ! -d "$target/root/.ssh" ] || chmod 700 "$target/root/.ssh"
 place update-server 600 etc/openrtu/update-server

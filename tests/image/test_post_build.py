@@ -11,6 +11,8 @@ from release.version import swupdate, tree_version
 
 SCRIPT = Path(__file__).resolve().parents[2] / "board" / "nuc980" / "post-build.sh"
 LOCKED = "root:*:19000:0:99999:7:::\n"
+CONFIG = '{"iec104": {}, "port": []}'
+KEY = f"ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAI{'A' * 43} somebody\n"
 HASH = "$6$salt.of/it$Zn.3/abcXYZ0"
 
 
@@ -70,12 +72,15 @@ def test_image_says_its_version_once(target: Path) -> None:
 
 
 def test_settings_are_placed_with_their_modes(target: Path) -> None:
-    done = build(target, config_json="{}", interfaces="auto lo\n", authorized_keys="ssh-ed25519 A\n")
+    done = build(
+        target, config_json=CONFIG, interfaces="auto eth0\n", authorized_keys=KEY, hostname="station-7\n"
+    )
     assert (done.returncode, done.stderr) == (0, "")
-    assert (target / "etc/openrtu/gateway.json").read_text() == "{}"
-    assert (target / "etc/network/interfaces").read_text() == "auto lo\n"
+    assert (target / "etc/openrtu/gateway.json").read_text() == CONFIG
+    assert (target / "etc/network/interfaces").read_text() == "auto eth0\n"
+    assert (target / "etc/hostname").read_text() == "station-7\n"
     keys = target / "root/.ssh/authorized_keys"
-    assert keys.read_text() == "ssh-ed25519 A\n"
+    assert keys.read_text() == KEY
     assert (keys.stat().st_mode & 0o777, keys.parent.stat().st_mode & 0o777) == (0o600, 0o700)
 
 
@@ -130,9 +135,22 @@ def test_what_is_no_hash_is_refused_and_changes_nothing(target: Path, bad: str) 
 
 
 def test_unknown_file_is_an_error(target: Path) -> None:
-    done = build(target, **{"authorized-keys": "ssh-ed25519 A\n"})
+    done = build(target, **{"authorized-keys": KEY})
     assert done.returncode != 0
     assert "authorized-keys is not a setting of a site" in done.stderr
+
+
+def test_files_that_netboot_keeps_are_no_settings(target: Path) -> None:
+    """docs/netboot.md: both tools take the same folder."""
+    (target.parent / "kept/flash-20261121-101024").mkdir(parents=True)
+    files = {"board-ip": "192.168.1.20/24\n", "environment.txt": "a=b\n", "environment-20261121.txt": "a=c\n"}
+    site = target.parent / "kept"
+    for name, text in files.items():
+        (site / name).write_text(text)
+    environment = {**os.environ, "SITE_SETTINGS": str(site)}
+    done = subprocess.run([SCRIPT, target], env=environment, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert not [file for file in target.rglob("*") if file.name in files]
 
 
 CERTIFICATE = "-----BEGIN CERTIFICATE-----\nMIIB\n-----END CERTIFICATE-----\n"

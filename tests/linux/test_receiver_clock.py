@@ -65,7 +65,7 @@ def use(linux: Linux, *lines: str) -> str:
     text = "".join(f"{line}\n" for line in lines)
     linux.run(f"mkdir -p /data/site && printf %s {shlex.quote(text)} > {SITE_FILE}")
     linux.run("mount -o remount,rw / && sed '/^case/,$d' /etc/init.d/S15data > /tmp/settings")
-    linux.run(f". /tmp/settings; use ntp judge_ntp 644 {USED}")
+    linux.run(f". /tmp/settings; use ntp 644 {USED}")
     return linux.run(f"grep {SITE_FILE} /var/log/messages | tail -n 1")
 
 
