@@ -41,7 +41,9 @@ inputs() {
 		printf '%s\0' "$board"/{system.toml,post-build.sh,place-macs.sh,system.fragment}
 		printf '%s\0' "$tree"/package/openrtu/{S80rtud,openrtu.mk}
 		printf '%s\0' "$tree"/scripts/{build-system.sh,build-linux.sh,image/cpio.py,image/rootfs.py}
-		[ -z "${SITE_SETTINGS:-}" ] || find "$SITE_SETTINGS" -type f -print0
+		# Not what an image takes of it, nor what nuc980-netboot keeps there.
+		[ -z "${SITE_SETTINGS:-}" ] || find "$SITE_SETTINGS" -maxdepth 1 -type f ! -name update-number \
+			! -name 'environment*.txt' ! -name board-ip -print0
 	} | sort --zero-terminated | xargs --null sha256sum
 }
 
@@ -124,5 +126,5 @@ if ! [[ -e $folder.inputs && $(inputs) == "$(<"$folder.inputs")" ]]; then
 	versions >"$parts/versions"
 	inputs >"$folder.inputs"
 fi
-image_tool manifest --images "$folder" --versions "$parts/versions" \
+image_tool manifest --images "$folder" --versions "$parts/versions" --target "$parts/root" \
 	--limits "$limits" --out "$folder/manifest.json"

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from packaging.version import Version
 
-from release.version import FORM, FORMS, debian, pep440
+from release.version import FORM, FORMS, debian, pep440, swupdate
 
 ROOT = Path(__file__).resolve().parent.parent
 VERSION = (ROOT / "package/openrtu/src/VERSION").read_text().strip()
@@ -52,6 +52,29 @@ def test_each_form(form: str, candidate: str) -> None:
         [sys.executable, "-m", "release.version", form], cwd=ROOT / "scripts", capture_output=True, text=True
     )
     assert (said.returncode, said.stdout, said.stderr) == (0, f"{FORMS[form](VERSION)}\n", "")
+
+
+def test_number_of_a_build_follows_swupdates() -> None:
+    assert swupdate("1.0.0-rc1", 7) == "1.0.0-rc.1.7"
+    assert swupdate("1.0.0", 65535) == "1.0.0.65535"
+    for number in (0, -1, 65536):
+        with pytest.raises(ValueError, match="no number of a build"):
+            swupdate("1.0.0", number)
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        (["swupdate", "--build", "7"], 0, f"{swupdate(VERSION, 7)}\n"),
+        (["swupdate", "--build", "65536"], 2, ""),
+        (["debian", "--build", "7"], 2, ""),
+    ],
+)
+def test_number_of_a_build_by_command(words: list[str], code: int, said: str) -> None:
+    command = [sys.executable, "-m", "release.version", *words]
+    done = subprocess.run(command, cwd=ROOT / "scripts", capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (code, said)
+    assert "Traceback" not in done.stderr
 
 
 @pytest.mark.parametrize("version", ["", "1.0", "1.0.0rc1", "1.0.0-rc", "1.0.0-beta1", "1.0.0-rc1\n"])

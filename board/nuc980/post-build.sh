@@ -44,13 +44,24 @@ set_root_password() {
 	sed -i "s|^root:[^:]*:|root:$(<"$site/root-password"):|" "$target/etc/shadow"
 }
 
-# Which OpenRTU it is, in os-release(5)'s words for that, as SWUpdate compares it; Buildroot's own lines stay.
+# Which OpenRTU it is, in os-release(5)'s words for that; Buildroot's own lines stay. An image that takes updates is newer than
+# each before it: its version has the next number of its site.
 name_image() {
-	local version
+	local version number=
 	[ -f "$target/etc/os-release" ] || return 0
 	sed -i --follow-symlinks '/^IMAGE_/d' "$target/etc/os-release"
-	version=$(PYTHONPATH="$tree/scripts" python3 -m release.version swupdate)
+	if [ -f "$site/update.pem" ]; then
+		number=$((10#$(cat "$site/update-number" 2>/dev/null || echo 0) + 1))
+	fi
+	version=$(PYTHONPATH="$tree/scripts" python3 -m release.version swupdate ${number:+--build "$number"})
 	printf 'IMAGE_ID=openrtu\nIMAGE_VERSION=%s\n' "$version" >>"$target/etc/os-release"
+	[ -z "$number" ] || echo "$number" >"$site/update-number"
+}
+
+check_update_number() {
+	[ -f "$site/update-number" ] || return 0
+	[[ $(<"$site/update-number") =~ ^[0-9]{1,5}$ ]] ||
+		fail "$site/update-number is not the number of the site's last image that takes updates: at most 65535"
 }
 
 # Updates are for a board and a site: SWUpdate compares both with what is in the file.
@@ -85,7 +96,7 @@ check_site() {
 	[ -d "$site" ] || fail "SITE_SETTINGS: $site is not a folder"
 	for file in "$site"/*; do
 		case ${file##*/} in
-		config.json | interfaces | authorized_keys | hostname | ntp | root-password | macs | update.pem | update-server | update-server.pem) ;;
+		config.json | interfaces | authorized_keys | hostname | ntp | root-password | macs | update.pem | update-number | update-server | update-server.pem) ;;
 		board-ip | environment*.txt | flash-*) ;; # nuc980-netboot's, which shares the folder
 		*) fail "$file is not a setting of a site: configs/README.md lists them" ;;
 		esac
@@ -93,6 +104,7 @@ check_site() {
 	check_settings
 	check_root_password
 	check_update
+	check_update_number
 	check_update_server
 }
 

@@ -346,6 +346,14 @@ def buildroot_version(os_release: Path) -> str:
     return found[1]
 
 
+def image_version(os_release: Path) -> str | None:
+    """What post-build.sh has written there; None if nothing."""
+    if not os_release.exists():
+        return None
+    found = re.search(r"^IMAGE_VERSION=(\S+)$", read_text(os_release), re.MULTILINE)
+    return found[1] if found else None
+
+
 def pinned_commit(version: str) -> str | None:
     """The commit that configs/kas.yml pins, if Buildroot's version is its tag or names it; else None."""
     pinned = read_text(ROOT / "configs" / "kas.yml")
@@ -418,17 +426,20 @@ class Origin:
     """What an image was made by: the configuration's name, where its root is, its sources."""
 
     configuration: str
+    version: str | None  # what it says itself, /etc/os-release: with a number where it takes updates
     in_flash: bool
     sources: dict[str, dict[str, str | None]]
 
 
 def origin_of(arguments: argparse.Namespace) -> Origin:
-    if arguments.versions:
-        return Origin("system", False, sources_of_debian(arguments.versions))
-    config = read_config(arguments.config)
     target = arguments.target or arguments.images.resolve().parent / "target"
+    version = image_version(target / "etc" / "os-release")
+    if arguments.versions:
+        return Origin("system", version, False, sources_of_debian(arguments.versions))
+    config = read_config(arguments.config)
     return Origin(
         Path(config.get("BR2_DEFCONFIG", "")).name,
+        version,
         config.get("BR2_TARGET_ROOTFS_INITRAMFS") != "y",
         sources_of_buildroot(config, target / "etc" / "os-release"),
     )
@@ -452,6 +463,7 @@ def run(arguments: argparse.Namespace) -> int:
         return REFUSED
     manifest = {
         "configuration": origin.configuration,
+        "version": origin.version,
         "boots-from": "flash" if in_flash else "network",
         "sources": origin.sources,
         "files": [each.row for each in judged],
@@ -475,7 +487,7 @@ def main(words: Sequence[str] | None = None) -> int:
         "--target",
         type=Path,
         metavar="DIR",
-        help="Buildroot's target folder (beside the images if not named)",
+        help="the root file system, as a folder (Buildroot's target, beside the images, if not named)",
     )
     arguments = parser.parse_args(words)
     try:

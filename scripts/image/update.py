@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import json
 import re
 import subprocess
 import sys
@@ -23,7 +24,6 @@ from nuc980.errors import UnusableInput
 from nuc980.netboot.limits import ROOT_VOLUME
 from nuc980.netboot.slots.command import wrapped
 from nuc980.netboot.slots.layout import NAMES, PLACES, root_volume
-from release.version import swupdate, tree_version
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA_FORMAT = ROOT / "board" / "nuc980" / "rootfs-overlay" / "usr" / "share" / "openrtu" / "data-format"
@@ -31,6 +31,7 @@ SCRIPT = Path(__file__).with_name("update-script.sh")
 BOARD = "nuc980-gateway"
 # What SWUpdate compares versions by: up to four numbers, or three and a candidate (release/version.py).
 VERSION = re.compile(r"\d+(\.\d+){0,3}|\d+\.\d+\.\d+-rc(\.\d+)+")
+NUMBERED = re.compile(r"\d+\.\d+\.\d+(-rc\.\d+)?\.\d+")  # the last of them is the build's
 SITE = re.compile(r"[A-Za-z0-9._-]+")
 # A board has the whole file in memory until it is known to be good: less than rtu-update's WORK_SIZE.
 MOST = 19 << 20
@@ -154,6 +155,31 @@ def _description(files: dict[str, bytes], version: str, board: str, site: str, w
 """
 
 
+def image_of(folder: Path, board: str) -> tuple[dict[str, bytes], str]:
+    """
+    The files of an image, and its own version, of manifest.json: boards compare by that what they run with
+    what comes. Raises UnusableInput, OSError.
+    """
+    again = "make image-debian or make image-buildroot, with SITE= a folder that has update.pem"
+    manifest = folder / "manifest.json"
+    try:
+        stated = json.loads(manifest.read_text(encoding="utf-8"))
+        sums = {row["name"]: row["sha256"] for row in stated["files"]}
+        version = stated["version"] or ""
+    except (ValueError, KeyError, TypeError) as error:
+        raise UnusableInput(f"{manifest} is no manifest of an image: {error!r}", next_step=again) from error
+    if not NUMBERED.fullmatch(version):
+        raise UnusableInput(f"{folder}: the image has version {version!r}, without a number", next_step=again)
+    names = {"uImage": "kernel", f"{board}.dtb": "tree", "rootfs.ubifs": "root"}
+    files = {what: (folder / name).read_bytes() for name, what in names.items() if what != "root"}
+    if (folder / "rootfs.ubifs").exists():
+        files["root"] = (folder / "rootfs.ubifs").read_bytes()
+    for name, what in names.items():
+        if what in files and hashlib.sha256(files[what]).hexdigest() != sums.get(name):
+            raise UnusableInput(f"{folder / name} is not what {manifest} describes", next_step=again)
+    return files, version
+
+
 def main(words: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="update", description="Make a signed update of an image.")
     parser.add_argument(
@@ -167,21 +193,13 @@ def main(words: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--board", default=BOARD, help=f"whose image it is [{BOARD}]")
     parser.add_argument("--site", required=True, help="the site's name: that of its folder")
-    parser.add_argument(
-        "--version", help="of the image; boards refuse an older one than they run [OpenRTU's]"
-    )
     parser.add_argument("--out", type=Path, required=True, help="the file")
     given = parser.parse_args(words)
-    root = given.images / "rootfs.ubifs"
     try:
+        files, version = image_of(given.images, given.board)
+        signer = Signer(given.key, given.certificate)
         content = update_file(
-            (given.images / "uImage").read_bytes(),
-            (given.images / f"{given.board}.dtb").read_bytes(),
-            given.version or swupdate(tree_version()),
-            given.site,
-            Signer(given.key, given.certificate),
-            given.board,
-            root=root.read_bytes() if root.exists() else None,
+            files["kernel"], files["tree"], version, given.site, signer, given.board, root=files.get("root")
         )
         given.out.write_bytes(content)
     except UnusableInput as error:
@@ -190,7 +208,7 @@ def main(words: Sequence[str] | None = None) -> int:
     except OSError as error:
         print(f"update: {error.filename}: {error.strerror}", file=sys.stderr)
         return 2
-    print(f"{given.out}: {len(content)} bytes, for the site {given.site}")
+    print(f"{given.out}: version {version}, {len(content)} bytes, for the site {given.site}")
     return 0
 
 

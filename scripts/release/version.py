@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """
-version.py FORM: this tree's version as others write it, so that a candidate for a release sorts before the
-release wherever versions are compared. FORM: pep440 (1.0.0rc1), debian (1.0.0~rc1), swupdate (1.0.0-rc.1).
+version.py FORM [--build NUMBER]: this tree's version as others write it, so that a candidate for a release
+sorts before the release wherever versions are compared. FORM: pep440 (1.0.0rc1), debian (1.0.0~rc1),
+swupdate (1.0.0-rc.1); with the number of a build, swupdate is 1.0.0-rc.1.7.
 """
 
 from __future__ import annotations
@@ -37,14 +38,19 @@ def debian(version: str) -> str:
     return _written(version, "~rc")
 
 
-def swupdate(version: str) -> str:
+BUILDS = range(1, 1 << 16)  # SWUpdate 2022.12 ignores the fourth number of a version with a larger one
+
+
+def swupdate(version: str, build: int | None = None) -> str:
     """
     For the boards. SWUpdate compares versions of numbers and dots by up to four numbers, and others as
     semantic versions, where a part that is a number is compared as one: so there is a dot before the
     candidate's. The number of a build can follow both: 1.0.0-rc.1.7 and 1.0.0.7 sort between their
-    neighbours.
+    neighbours. Raises ValueError.
     """
-    return _written(version, "-rc.")
+    if build is not None and build not in BUILDS:
+        raise ValueError(f"{build} is no number of a build: {BUILDS.start} to {BUILDS[-1]}")
+    return _written(version, "-rc.") + (f".{build}" if build is not None else "")
 
 
 FORMS: dict[str, Callable[[str], str]] = {"pep440": pep440, "debian": debian, "swupdate": swupdate}
@@ -53,9 +59,13 @@ FORMS: dict[str, Callable[[str], str]] = {"pep440": pep440, "debian": debian, "s
 def main(words: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="version", description=SUMMARY)
     parser.add_argument("form", choices=FORMS)
-    form = parser.parse_args(words).form
+    parser.add_argument("--build", type=int, metavar="NUMBER", help="with swupdate: that of an image")
+    given = parser.parse_args(words)
+    if given.build is not None and given.form != "swupdate":
+        parser.error("--build is for swupdate")
     try:
-        print(FORMS[form](tree_version()))
+        version = tree_version()
+        print(FORMS[given.form](version) if given.build is None else swupdate(version, given.build))
     except (OSError, ValueError) as error:
         print(f"version: {FILE}: {error}", file=sys.stderr)
         return 2

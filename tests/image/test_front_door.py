@@ -344,7 +344,9 @@ WRONG = [
     ("system SITE=sites/json", "sites/json/config.json is not JSON"),
     ("system SITE=sites/more", "sites/more/config.yaml is not a setting of a site"),
     ("image SITE=sites/macs", 'sites/macs/macs has no line "eth0 XX:XX:XX:XX:XX:XX"'),
-    ("image SITE=sites/ntp", "sites/ntp/ntp names neither a server nor the receiver"),
+    ("image SITE=sites/ntp", "sites/ntp/ntp: it names neither a server nor the receiver"),
+    ("image-debian SITE=sites/key", "sites/key/authorized_keys: it has a private key"),
+    ("update SITE=sites/far", "sites/far/interfaces: line 3: no address: 192.168.1.300/24"),
     ("centre PORT=nope", "PORT=nope is not a TCP port"),
     ("centre STATIONS=nope.json", "STATIONS=nope.json is not a file; docs/centre.md says what belongs in it"),
     ("netboot SITE=sites/password PORT=/dev/null", "sites/password/root-password is not a hash of crypt(5)"),
@@ -363,7 +365,9 @@ SITES = {
     "macs": ("macs", "eth0 01:00:00:00:00:01\n"),
     "ntp": ("ntp", "# none\n"),
     "password": ("root-password", "secret\n"),
-    "plain": ("interfaces", ""),
+    "plain": ("hostname", "station-7\n"),
+    "key": ("authorized_keys", "-----BEGIN OPENSSH PRIVATE KEY-----\n"),
+    "far": ("interfaces", "auto eth0\niface eth0 inet static\naddress 192.168.1.300/24\n"),
 }
 
 

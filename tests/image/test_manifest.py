@@ -53,7 +53,9 @@ class Output:
         self.manifest = self.images / "manifest.json"
         etc = folder / "target" / "etc"
         etc.mkdir(parents=True)
-        (etc / "os-release").write_text("NAME=Buildroot\nVERSION=2026.02.3\nID=buildroot\n")
+        (etc / "os-release").write_text(
+            "NAME=Buildroot\nVERSION=2026.02.3\nID=buildroot\nIMAGE_VERSION=1.2.3.7\n"
+        )
         self.configure("# BR2_TARGET_ROOTFS_INITRAMFS is not set")
         self.kernel(size=100_000)
         self.device_tree()
@@ -173,6 +175,7 @@ def test_image_has_the_tree_of_its_board_alone(output: Output) -> None:
 
 def test_manifest_names_the_sources(output: Output) -> None:
     assert output.judge() == 0
+    assert json.loads(output.manifest.read_text())["version"] == "1.2.3.7"
     sources = json.loads(output.manifest.read_text())["sources"]
     assert sources["linux"]["commit"] == "d366"
     assert sources["openrtu"]["version"] == (ROOT / "package/openrtu/src/VERSION").read_text().strip()

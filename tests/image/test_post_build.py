@@ -71,6 +71,32 @@ def test_image_says_its_version_once(target: Path) -> None:
     )
 
 
+def test_image_that_takes_updates_has_the_next_number(target: Path) -> None:
+    """An update is newer than each image of the site before it, and what it claims is what the image says."""
+    version = swupdate(tree_version())
+    (target / "etc/os-release").write_text("NAME=OpenRTU\n")
+    site = target.parent / "station-7"
+    site.mkdir()
+    (site / "update.pem").write_text(CERTIFICATE)
+    environment = {**os.environ, "SITE_SETTINGS": str(site)}
+    for number in (1, 2, 10):
+        if number == 10:
+            (site / "update-number").write_text("09\n")
+        subprocess.run([SCRIPT], env=environment, check=True)
+        subprocess.run([SCRIPT, target], env=environment, check=True)
+        assert (target / "etc/os-release").read_text() == (
+            f"NAME=OpenRTU\nIMAGE_ID=openrtu\nIMAGE_VERSION={version}.{number}\n"
+        )
+        assert (site / "update-number").read_text() == f"{number}\n"
+
+
+@pytest.mark.parametrize("number", ["", "x", "-1", "123456", "1\n2"])
+def test_what_is_no_number_of_an_image(target: Path, number: str) -> None:
+    done = build_station(target, {"update.pem": CERTIFICATE, "update-number": number})
+    assert done.returncode != 0
+    assert "update-number is not the number" in done.stderr
+
+
 def test_settings_are_placed_with_their_modes(target: Path) -> None:
     done = build(
         target, config_json=CONFIG, interfaces="auto eth0\n", authorized_keys=KEY, hostname="station-7\n"

@@ -2,6 +2,7 @@
 """Update files, without a board: what is in them, what OpenSSL says to their signature, what is refused."""
 
 import hashlib
+import json
 import re
 import subprocess
 from pathlib import Path
@@ -130,6 +131,7 @@ def test_key_of_another_certificate(tmp_path: Path, signer: Signer) -> None:
 
 def test_command(tmp_path: Path, signer: Signer, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "uImage").write_bytes(KERNEL)
+    write_manifest(tmp_path, "1.2.3.7", {"uImage": KERNEL, **dict.fromkeys(TREES, TREE)})
     words = [
         str(tmp_path), "--key", str(signer.key), "--certificate", str(signer.certificate),
         "--site", "station-7", "--out", str(tmp_path / "update.swu"),
@@ -140,7 +142,58 @@ def test_command(tmp_path: Path, signer: Signer, capsys: pytest.CaptureFixture[s
     for board in ("nuc980-gateway", "nuc980-numaker"):
         (tmp_path / f"{board}.dtb").write_bytes(TREE)
         assert main([*words, "--board", board]) == 0
-        assert f"    {board} = {{\n".encode() in (tmp_path / "update.swu").read_bytes()
+        described = (tmp_path / "update.swu").read_bytes()
+        assert f"    {board} = {{\n".encode() in described
+        assert b'version = "1.2.3.7";' in described
+        assert "version 1.2.3.7" in capsys.readouterr().out
+
+
+TREES = ("nuc980-gateway.dtb", "nuc980-numaker.dtb")
+
+
+def write_manifest(folder: Path, version: str | None, files: dict[str, bytes]) -> None:
+    rows = [{"name": name, "sha256": hashlib.sha256(data).hexdigest()} for name, data in files.items()]
+    (folder / "manifest.json").write_text(json.dumps({"version": version, "files": rows}))
+
+
+@pytest.mark.parametrize(
+    ("version", "files", "why"),
+    [
+        ("1.2.3", {"uImage": KERNEL, TREES[0]: TREE}, "without a number"),
+        (None, {"uImage": KERNEL, TREES[0]: TREE}, "without a number"),
+        ("1.2.3.7", {"uImage": KERNEL[1:], TREES[0]: TREE}, "uImage is not what"),
+        ("1.2.3.7", {"uImage": KERNEL, TREES[0]: b"another"}, "nuc980-gateway.dtb is not what"),
+        ("1.2.3.7", {"uImage": KERNEL}, "nuc980-gateway.dtb is not what"),
+    ],
+)
+def test_update_claims_no_version_that_its_image_has_not(
+    tmp_path: Path,
+    signer: Signer,
+    capsys: pytest.CaptureFixture[str],
+    version: str | None,
+    files: dict[str, bytes],
+    why: str,
+) -> None:
+    (tmp_path / "uImage").write_bytes(KERNEL)
+    (tmp_path / TREES[0]).write_bytes(TREE)
+    write_manifest(tmp_path, version, files)
+    words = ["--key", str(signer.key), "--certificate", str(signer.certificate), "--site", "station-7"]
+    assert main([str(tmp_path), *words, "--out", str(tmp_path / "update.swu")]) == 2
+    assert why in capsys.readouterr().err
+    assert not (tmp_path / "update.swu").exists()
+    with pytest.raises(SystemExit):
+        main([str(tmp_path), *words, "--out", str(tmp_path / "update.swu"), "--version", "9.9.9"])
+
+
+def test_folder_without_a_manifest(
+    tmp_path: Path, signer: Signer, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--key", str(signer.key), "--certificate", str(signer.certificate), "--site", "station-7"]
+    for text in (None, "{", "{}", "[]"):
+        if text is not None:
+            (tmp_path / "manifest.json").write_text(text)
+        assert main([str(tmp_path), *words, "--out", str(tmp_path / "update.swu")]) == 2
+        assert "manifest" in capsys.readouterr().err
 
 
 def test_data_format_is_that_of_the_journal() -> None:

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 from update_board import (
+    NEXT,
     PATIENCE,
     PULL,
     SITE,
@@ -125,7 +126,7 @@ def update(small: bytes, uboot: Path, signers: list[Signer]) -> Update:
 
     def make(
         signer: int = 0,
-        version: str = VERSION,
+        version: str = NEXT,
         site: str = SITE,
         board: str = "nuc980-gateway",
         writes: int | None = None,
@@ -176,6 +177,7 @@ REFUSED: dict[str, tuple[Callable[[Update], bytes], str]] = {
     "nothing": (lambda _: b"", "not whole, or no update"),
     "something else": (lambda _: bytes(range(256)) * 100, "not whole, or no update"),
     "an older version": (lambda update: update(version=OLDER), f"older than version {VERSION}"),
+    "the version that runs": (lambda update: update(version=VERSION), f"version {VERSION} runs already"),
     "for another site": (lambda update: update(site="station-8"), "for another board or site"),
     "data that what runs could not read": (
         lambda update: update(writes=data_format("reads") + 1),
@@ -221,7 +223,7 @@ def test_kernel_that_does_not_fit_between_bad_blocks(
     """Seen when it is read back. Slot B does not boot, and is not on trial."""
     large = uimage(PLACES["b"].kernel.room, 2)
     tree = uboot.with_suffix(".dtb").read_bytes()
-    code, said = install(board, update_file(large, tree, VERSION, SITE, signers[0]))
+    code, said = install(board, update_file(large, tree, NEXT, SITE, signers[0]))
     assert (code, said) == (
         1,
         "rtu-update: failed, and slot B holds nothing that boots: "
@@ -348,7 +350,7 @@ def test_power_cut_while_it_is_written(
     wait_for(ssh.answers)
     ssh.run("rtu-update confirm; until pidof rtud; do sleep 0.2; done")
     before = flash.read(last_page(share, small))
-    other = update_file(small[::-1], tree_that("hang", uboot)[64:], VERSION, SITE, signers[0])
+    other = update_file(small[::-1], tree_that("hang", uboot)[64:], NEXT, SITE, signers[0])
     with ThreadPoolExecutor() as pool:
         done = pool.submit(install, ssh, other)
         wait_for(lambda: flash.read(last_page(share, small)) not in (before, ERASED))

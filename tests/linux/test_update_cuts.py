@@ -22,9 +22,9 @@ import libfdt
 import pytest
 from flash_changes import Change, changes, content, put, recording
 from update_board import (
+    NEXT,
     PATIENCE,
     SITE,
-    VERSION,
     devices,
     files_of,
     flash_after_install,
@@ -264,7 +264,7 @@ def update(
         unheard = make_volume(ssh)
         prepared = len(changes(logs[0]))
         new = versions["b"]
-        file = update_file(new.kernel, new.tree, VERSION, SITE, signer)
+        file = update_file(new.kernel, new.tree, NEXT, SITE, signer)
         assert install(ssh, file)[0] == 0
         ssh.run("(sleep 1; reboot) </dev/null >/dev/null 2>&1 &")
         ssh.close()

@@ -6,6 +6,7 @@ That kernel has a root inside, which U-Boot's arguments hide from it: so it has 
 not hold, as a kernel of Buildroot has.
 """
 
+import json
 import os
 import shutil
 import subprocess
@@ -15,6 +16,7 @@ from pathlib import Path
 
 import pytest
 from update_board import (
+    NEXT,
     SITE,
     VERSION,
     files_of,
@@ -58,6 +60,7 @@ class SignedImage:
     site: str
     key: Path
     signer: Signer
+    version: str  # as it says itself
 
     def kernel_and_tree(self) -> tuple[bytes, bytes]:
         return self.uimage.read_bytes(), self.tree.read_bytes()
@@ -74,7 +77,9 @@ def debian(folder: Path, key: Path) -> SignedImage:
         (root / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(file, root / name)
     ubifs, ubi = ubi_image(root, folder)
-    return SignedImage(SYSTEM / "uImage", SYSTEM / "nuc980-gateway.dtb", ubifs, ubi, SITE, key, signer)
+    return SignedImage(
+        SYSTEM / "uImage", SYSTEM / "nuc980-gateway.dtb", ubifs, ubi, SITE, key, signer, VERSION
+    )
 
 
 def offline() -> SignedImage:
@@ -85,6 +90,7 @@ def offline() -> SignedImage:
     return SignedImage(
         built.uimage, built.dtb, built.images / "rootfs.ubifs", built.ubi,
         "field", site / "key", Signer(site / "update.key", site / "field/update.pem"),
+        json.loads((built.images / "manifest.json").read_text())["version"],
     )  # fmt: skip
 
 
@@ -156,14 +162,16 @@ def board(qemu: Path, uboot: Path, nand: NandImage, ssh: Ssh) -> Iterator[Powere
 
 @pytest.fixture(scope="module")
 def update(image: SignedImage) -> bytes:
+    """The same image under a later number."""
+    later = NEXT if image.version == VERSION else f"{image.version}0"
     root = image.ubifs.read_bytes()
-    return update_file(*image.kernel_and_tree(), VERSION, image.site, image.signer, root=root)
+    return update_file(*image.kernel_and_tree(), later, image.site, image.signer, root=root)
 
 
-def test_board_after_install(board: Powered) -> None:
+def test_board_after_install(board: Powered, image: SignedImage) -> None:
     """B has nothing yet: an image has one root."""
     assert board.ssh.run("rtu-update status").splitlines() == [
-        f"running  A, version {VERSION}",
+        f"running  A, version {image.version}",
         "root     ubi0:root_a",
         "base     A",
         "trial    none",
@@ -206,7 +214,7 @@ def test_root_that_does_not_mount(board: Powered, update: bytes) -> None:
     board.comes_up()
 
 
-def test_goes_into_the_other_root_and_is_confirmed(board: Powered, update: bytes) -> None:
+def test_goes_into_the_other_root_and_is_confirmed(board: Powered, image: SignedImage, update: bytes) -> None:
     board.ssh.run("echo kept >/data/note; sync")
     assert install(board.ssh, update) == (
         0,
@@ -216,8 +224,8 @@ def test_goes_into_the_other_root_and_is_confirmed(board: Powered, update: bytes
     assert board.next_start() == "B"
     board.comes_up()
     assert board.ssh.run("rtu-update confirm; rtu-update status; cat /data/note").splitlines() == [
-        f"Slot B with version {VERSION} is what boots from now on.",
-        f"running  B, on trial, version {VERSION}",
+        f"Slot B with version {image.version} is what boots from now on.",
+        f"running  B, on trial, version {image.version}",
         "root     ubi0:root_b",
         "base     B",
         "trial    none",

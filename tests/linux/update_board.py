@@ -43,6 +43,7 @@ PULL = {
     },
 }
 VERSION = swupdate(tree_version())
+NEXT = swupdate(tree_version(), 1)
 SITE = "station-7"
 PATIENCE = 180.0
 
