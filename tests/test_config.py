@@ -325,10 +325,41 @@ class Unusable:
 
 
 UNUSABLE = [
-    Unusable("empty", b"", 2, ":1:0: '[' or '{' expected near end of file"),
+    Unusable("empty", b" \n", 2, ":1:1: is empty, expected an object { }"),
     Unusable("scalar", b"5\n", 2, ":1:1: '[' or '{' expected near '5'"),
     Unusable("excerpt-of-figure-4.9", b'{\n  "port": []\n},\n', 2, ":3:2: end of file expected near ','"),
-    Unusable("trailing-comma", b'{"port": [],}', 2, ":1:13: string or '}' expected near '}'"),
+    Unusable(
+        "trailing-comma", b'{"port": [],\n}', 2, ":1:12: is a comma behind the last entry of { }: delete it"
+    ),
+    Unusable(
+        "trailing-comma-of-an-array",
+        '{"\u00e4": [1, 2 , ]}'.encode(),
+        2,
+        ":1:13: is a comma behind the last element of [ ]: delete it",
+    ),
+    Unusable("comment", b"{\n  // mine\n}", 2, ":2:3: is a comment, which JSON does not have: delete it"),
+    Unusable(
+        "comment-behind", b"{} /* mine */", 2, ":1:4: is a comment, which JSON does not have: delete it"
+    ),
+    Unusable(
+        "comment-of-a-shell", b"# mine\n{}", 2, ":1:1: is a comment, which JSON does not have: delete it"
+    ),
+    Unusable(
+        "bom",
+        b'\xef\xbb\xbf{"port": []}',
+        2,
+        ":1:1: begins with a byte order mark (BOM): save it as UTF-8 without BOM",
+    ),
+    Unusable(
+        "utf-16", '\ufeff{"port": []}'.encode("utf-16-le"), 2, ':1:1: is UTF-16 ("Unicode"): save it as UTF-8'
+    ),
+    Unusable(
+        "single-quotes",
+        b"{'port': []}",
+        2,
+        ':1:2: is a single quotation mark: write names and texts as "name"',
+    ),
+    Unusable("no-comma", b'{"port": []\n "tls": {}}', 2, ":2:2: is the next entry: write a comma before it"),
     Unusable("not-utf8", b'{"port": "\xff"}', 2, ":1:10: unable to decode byte 0xff near '\"'"),
     Unusable("cut", b'{"port": [{"value": 1', 2, ":1:21: '}' expected near end of file"),
     Unusable(
@@ -486,6 +517,7 @@ COMPANIONS: dict[str, dict[str, Any]] = {
     "value": {"device": "ttyUSB0"},
     "baud_rate": {"device": "ttyUSB0"},
     "address": {"ioa": 70000},
+    "register": {"address": REMOVED},
     "response_timeout_min_ms": {"response_timeout_ms": 10000},
     "bit_order": {"type": "double"},
     "word_order": {"type": "float"},
@@ -512,6 +544,16 @@ LN_OF = {
     "coil": "GGIO2.SPCSO1",
     "discrete_input": "Q1CSWI1.OpOpn",
     "register_bits": "Q1CSWI1.OpOpn",
+}
+
+
+# Object 5 of each table.
+REGISTER_OF = {
+    "coil": ["00006", "000006"],
+    "discrete_input": ["10006", "100006"],
+    "input_register": ["30006", "300006"],
+    "register_bits": ["30010", "300010"],
+    "holding_register": ["40006", "400006"],
 }
 
 
@@ -684,7 +726,12 @@ def refused_values(rule: dict[str, Any]) -> list[Any]:
 @pytest.mark.parametrize("site", SITES, ids=lambda site: site.definition or "file")
 def test_schema_and_loader_agree_on_values(programs: Path, tmp_path: Path, site: Site) -> None:
     for key, rule in ((key, resolved(rule)) for key, rule in site.properties().items()):
-        values = [LN_OF.get(site.definition, "MMXU1.TotW")] if key == "ln" else accepted_values(key, rule)
+        values = accepted_values(key, rule)
+        if key in ("ln", "register"):
+            values = {
+                "ln": [LN_OF.get(site.definition, "MMXU1.TotW")],
+                "register": REGISTER_OF.get(site.definition),
+            }[key]
         for value in values:
             document = with_key(site, key, value)
             assert [error.message for error in VALIDATOR.iter_errors(document)] == [], (key, value)
@@ -714,6 +761,8 @@ def all_object_keys() -> set[str]:
 @pytest.mark.parametrize("site", SITES, ids=lambda site: site.definition or "file")
 def test_schema_and_loader_require_the_same_keys(programs: Path, tmp_path: Path, site: Site) -> None:
     required = {key for name in site.keys_in for key in definition(name).get("required", [])}
+    if "object" in site.keys_in:
+        required.add("address")  # or register
     target = f"{site.place}." if site.place else ""
     for key in set(site.properties()) - {"active"}:
         document = with_key(site, key, 0)

@@ -212,12 +212,13 @@ def test_an_object_has_the_registers_of_its_format(linesim_program: Path, tmp_pa
         {"address": 10, "type": "counter", "format": "uint16"},
         {"address": 20, "type": "float", "format": "int16", "scale_register": 23},
         {"address": 30, "type": "double", "bit": 3, "ioa": 1},
+        {"register": "40032"},
     ]
     port = {"value": 1, "active": 1, "baud_rate": 9600, "data_bits": 8, "stop_bits": 1, "parity": 0}
     config = {"port": [{**port, "slaves": [{"id": 1, HOLDING: objects}]}, {"active": 1, "host": "192.0.2.1"}]}
     file = tmp_path / "gateway.json"
     file.write_text(json.dumps(config))
-    there = {0, 1, 2, 3, 10, 20, 21, 22, 23, 30}
+    there = {0, 1, 2, 3, 10, 20, 21, 22, 23, 30, 31}
     with LineSim(file, None, tmp_path / "dev", program=linesim_program) as sim:
         for address in range(32):
             if address in there:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Templates, included files, the list of points, and the way back from it."""
 
+import csv
+import io
 import json
 import os
 import re
@@ -96,6 +98,40 @@ def test_an_instance_overrides_leaves_out_and_adds(programs: Path, tmp_path: Pat
         ["77", "30004", "M_ME_NB_1", "M_ME_TE_1", "", "f1/p", "", "monitor", "", "p1.1"],
         ["77", "30101", "M_ME_NC_1", "M_ME_TF_1", "", "f2/u", "kV", "monitor", "", "p1.2"],
     ]
+
+
+def test_an_instance_names_a_register_instead_of_an_address(programs: Path, tmp_path: Path) -> None:
+    """And the other way round: what the slave says goes before what the template says."""
+    overrides = {"u": {"register": "30101"}, "i": {"address": 200}}
+    objects = [
+        {"address": 0, "name": "u"},
+        {"register": "30003", "name": "i"},
+        {"register": "30004", "name": "p"},
+    ]
+    slave = {"id": 1, "template": "meter", "overrides": overrides}
+    file = write(
+        tmp_path / "gateway.json", plant_of(slave, templates={"meter": {"input_registers": objects}})
+    )
+    rows = csv.DictReader(io.StringIO(rtud(programs, "--points", "--csv", file).stdout))
+    assert {row["name"]: (row["address"], row["ioa"]) for row in rows} == {
+        **{"u": ("100", "30101"), "i": ("200", "30201"), "p": ("3", "30004")}
+    }
+
+
+def test_numbers_are_listed_with_the_fewest_digits(programs: Path, tmp_path: Path) -> None:
+    objects = [
+        {"address": 0, "scale": 0.1, "offset": -273.15},
+        {
+            "address": 1,
+            "type": "float",
+            "format": "uint16",
+            "scale_points": [[0, 0.3], [1, 1.0000000000000002]],
+        },
+    ]
+    file = write(tmp_path / "gateway.json", plant_of({"id": 1, "input_registers": objects}))
+    first, second = csv.DictReader(io.StringIO(rtud(programs, "--points", "--csv", file).stdout))
+    assert (first["scale"], first["offset"]) == ("0.1", "-273.15")
+    assert second["scale_points"] == "[[0,0.3],[1,1.0000000000000002]]"
 
 
 def test_errors_name_the_templates_line_and_the_slave(programs: Path, tmp_path: Path) -> None:

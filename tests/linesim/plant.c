@@ -80,6 +80,19 @@ static long width(json_t *object)
 	return 1;
 }
 
+/* A manual's number (docs/configuration.md): its first digit is the table, the others count from 1. */
+static int get_address(json_t *object, const char *path, long max, long *address, char *error)
+{
+	const char *number = json_string_value(json_object_get(object, "register"));
+
+	if (!number)
+		return get_integer(object, path, "address", 0, max, address, error);
+	if (*number == '\0' || !plant_number(number + 1, 1, max + 1, address))
+		return fail(error, "%s.register: expected a number as manuals print it", path);
+	--*address;
+	return 0;
+}
+
 /* What an object is read with, and all that lies between: a double's second bit, a value's power of ten. */
 static int get_extent(json_t *object, const char *path, long *first, long *last, char *error)
 {
@@ -88,7 +101,7 @@ static int get_extent(json_t *object, const char *path, long *first, long *last,
 	const long cells = apart ? 1 : width(object);
 	long address, other;
 
-	if (get_integer(object, path, "address", 0, SLAVE_TABLE_CELLS - cells, &address, error))
+	if (get_address(object, path, SLAVE_TABLE_CELLS - cells, &address, error))
 		return -1;
 	other = address;
 	if (json_object_get(object, key) &&

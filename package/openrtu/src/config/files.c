@@ -14,6 +14,9 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "config/mistake.h"
+#include "config/places.h"
+
 #define DEPTH_MAX     8 /* of files that include each other */
 #define TEMPLATES_MAX 256
 #define REASON_SIZE   192
@@ -27,13 +30,21 @@ static const struct config_rule included_rules[INCLUDED_KEYS] = {
 
 /* ---- one file ---------------------------------------------------------------------------- */
 
-static void report_json_error(struct config_report *report, const char *path, const json_error_t *error)
+static void report_json_error(struct config_report *report, const struct config_source *source,
+			      const json_error_t *error)
 {
-	fprintf(report->messages, "%s:%d:%d: ", path, error->line, error->column);
+	struct config_spot spot;
+	const char *mistake = config_mistake(source, error, &spot);
+
+	report->errors++;
+	if (mistake != NULL) {
+		fprintf(report->messages, "%s:%u:%u: %s\n", source->path, spot.line, spot.column, mistake);
+		return;
+	}
+	fprintf(report->messages, "%s:%d:%d: ", source->path, error->line, error->column);
 	for (const char *c = error->text; *c != '\0'; c++)
 		fputc(iscntrl((unsigned char)*c) ? '?' : *c, report->messages);
 	fputc('\n', report->messages);
-	report->errors++;
 }
 
 /* A key that is given twice is an error, but not one that hides all others. */
@@ -43,7 +54,7 @@ static json_t *parse(struct config_report *report, const struct config_source *s
 	json_t *root = json_loadb(source->text, source->length, JSON_REJECT_DUPLICATES, &error);
 
 	if (root == NULL)
-		report_json_error(report, source->path, &error);
+		report_json_error(report, source, &error);
 	if (root == NULL && json_error_code(&error) == json_error_duplicate_key)
 		root = json_loadb(source->text, source->length, 0, &error);
 	return root;
@@ -186,12 +197,14 @@ static void include(struct config_loader *loader, const struct config_place *her
 		config_out_of_memory(&loader->report);
 		return;
 	}
+	errno = 0; /* what is no error of the system leaves it */
 	/* A name may lead to a pipe or a terminal, for which nobody shall wait. */
 	if (take_text(loader, open(file->path, O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY), true, reason)) {
 		take_included(loader, here, includer, depth);
 		return;
 	}
-	config_error(&loader->report, here, "\"%s\" %s", file->path, reason);
+	config_error(&loader->report, here, "\"%s\" %s%s", file->path, reason,
+		     errno == ENOENT ? "; OpenRTU's templates are in " OPENRTU_TEMPLATES : "");
 	forget(file);
 }
 

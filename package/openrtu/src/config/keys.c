@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "config/keys.h"
 
-#include <ctype.h>
 #include <stdarg.h>
 #include <string.h>
 
+#include "config/near.h"
+
 #define QUOTE_SIZE      64
-#define WORD_LENGTH_MAX 32 /* longer than any word of the tables */
 #define EXPECTED_SIZE   512
 #define CONTROL_DELETE  0x7f
 #define UTF8_IS_TAIL(c) (((unsigned char)(c)&0xc0u) == 0x80u)
@@ -132,60 +132,6 @@ void config_note(struct config_report *report, const struct config_place *place,
 	va_start(arguments, format);
 	say(report, "note: ", place, format, arguments);
 	va_end(arguments);
-}
-
-/* ---- suggestions ------------------------------------------------------------------------- */
-
-static unsigned least(unsigned a, unsigned b, unsigned c)
-{
-	unsigned ab = a < b ? a : b;
-
-	return ab < c ? ab : c;
-}
-
-/* Levenshtein's distance without regard to case. Both have at most WORD_LENGTH_MAX characters. */
-static unsigned edit_distance(const char *a, const char *b)
-{
-	unsigned row[WORD_LENGTH_MAX + 1];
-	size_t width = strlen(b);
-
-	for (unsigned j = 0; j <= width; j++)
-		row[j] = j;
-	for (unsigned i = 0; a[i] != '\0'; i++) {
-		unsigned diagonal = row[0];
-
-		row[0] = i + 1;
-		for (size_t j = 0; j < width; j++) {
-			bool same = tolower((unsigned char)a[i]) == tolower((unsigned char)b[j]);
-			unsigned above = row[j + 1];
-
-			row[j + 1] = least(above + 1, row[j] + 1, diagonal + (same ? 0 : 1));
-			diagonal = above;
-		}
-	}
-	return row[width];
-}
-
-struct candidate {
-	const char *word;
-	unsigned distance;
-};
-
-static void consider(struct candidate *best, const char *written, const char *word)
-{
-	unsigned distance;
-
-	if (strlen(written) > WORD_LENGTH_MAX)
-		return;
-	distance = edit_distance(written, word);
-	if (best->word == NULL || distance < best->distance)
-		*best = (struct candidate){.word = word, .distance = distance};
-}
-
-/* Two slips in a short word, more in a long one; beyond, a suggestion would be a guess. */
-static bool is_near(const struct candidate *best)
-{
-	return best->word != NULL && best->distance <= 1 + strlen(best->word) / 4;
 }
 
 /* ---- what a rule expects ------------------------------------------------------------------ */
@@ -323,7 +269,7 @@ static bool read_choice(struct config_report *report, const struct config_place 
 			const struct config_rule *rule, struct config_value *value)
 {
 	char words[EXPECTED_SIZE], quoted[QUOTE_SIZE];
-	struct candidate best = {.word = NULL};
+	struct near best = {.word = NULL};
 
 	value->text = json_string_value(value->json);
 	for (size_t i = 0; rule->choices[i] != NULL; i++) {
@@ -331,11 +277,11 @@ static bool read_choice(struct config_report *report, const struct config_place 
 			value->integer = (int64_t)i;
 			return true;
 		}
-		consider(&best, value->text, rule->choices[i]);
+		near_consider(&best, value->text, rule->choices[i]);
 	}
 	config_error(report, place, "\"%s\" is not known, expected %s%s%s%s", quote(value->text, quoted),
-		     expected(rule, words), is_near(&best) ? ", did you mean \"" : "",
-		     is_near(&best) ? best.word : "", is_near(&best) ? "\"?" : "");
+		     expected(rule, words), near_enough(&best) ? ", did you mean \"" : "",
+		     near_enough(&best) ? best.word : "", near_enough(&best) ? "\"?" : "");
 	return false;
 }
 
@@ -401,16 +347,16 @@ static void refuse_unknown_key(struct config_report *report, const struct config
 			       const char *key, const struct config_rule *rules, size_t count)
 {
 	const struct config_place here = config_key_of(place, key);
-	struct candidate best = {.word = NULL};
+	struct near best = {.word = NULL};
 	char words[EXPECTED_SIZE] = "";
 
 	for (size_t i = 0; i < count; i++) {
 		if (strcmp(rules[i].name, key) == 0)
 			return;
-		consider(&best, key, rules[i].name);
+		near_consider(&best, key, rules[i].name);
 		append(words, i == 0 ? "" : ", ", rules[i].name);
 	}
-	if (is_near(&best))
+	if (near_enough(&best))
 		config_error(report, &here, "unknown key, did you mean \"%s\"?", best.word);
 	else
 		config_error(report, &here, "unknown key, expected one of %s", words);

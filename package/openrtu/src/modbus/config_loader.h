@@ -20,6 +20,12 @@
 #define MODBUS_KEY_SLAVES    "slaves"
 #define MODBUS_KEY_PROBE_MAX "probe_max_s" /* of a slave */
 #define MODBUS_KEY_TEMPLATE  "template"    /* of a slave */
+#define MODBUS_KEY_ADDRESS   "address"     /* of an object */
+#define MODBUS_KEY_REGISTER  "register"    /* the same, as a manual's number */
+
+/* Digits of a manual's number: its table, and which of it, from 1. */
+#define MODBUS_NUMBER_SHORT 5
+#define MODBUS_NUMBER_LONG  6
 
 /* A point, and what leads to it in the file. */
 struct modbus_entry {

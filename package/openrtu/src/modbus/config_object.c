@@ -11,9 +11,6 @@
 /* What lies between two bits of a double is read with them: one answer of Modbus holds it. */
 #define APART_MAX 1024
 
-/* The report, section 4.3: from here on coils would reach the discrete inputs' IOA. */
-#define SCHEME_LAST 9999
-
 static const uint32_t first_ioa[] = {1, 10001, 30001, 40001};
 
 #define OF_BITS     (BIT(MAP_SINGLE) | BIT(MAP_DOUBLE))
@@ -89,10 +86,12 @@ static void check_meaning(struct modbus_loader *loader, const struct config_plac
 	}
 }
 
-static void check_extent(struct modbus_loader *loader, const struct config_place *object, int64_t address,
-			 enum map_type type, uint8_t width)
+static void check_extent(struct modbus_loader *loader, const struct config_place *object,
+			 const struct config_value *values, enum map_type type, uint8_t width)
 {
-	const struct config_place here = modbus_object_key(object, OBJECT_ADDRESS);
+	const struct config_place here =
+	    modbus_object_key(object, values[OBJECT_REGISTER].given ? OBJECT_REGISTER : OBJECT_ADDRESS);
+	int64_t address = values[OBJECT_ADDRESS].integer;
 
 	if (address + width - 1 > MODBUS_ADDRESS_LAST)
 		config_error(loader->report, &here,
@@ -147,18 +146,6 @@ static void check_step(struct modbus_loader *loader, const struct config_place *
 			     modbus_type_names[type]);
 	if (values[OBJECT_MIN].number >= values[OBJECT_MAX].number)
 		config_error(loader->report, &max, "is not above min");
-}
-
-static void check_scheme(struct modbus_loader *loader, const struct config_place *object, int64_t address)
-{
-	const struct config_place here = modbus_object_key(object, OBJECT_IOA);
-
-	if (address > SCHEME_LAST)
-		config_error(
-		    loader->report, &here,
-		    "is missing: addresses from %d on have no IOA by themselves, expected an integer from "
-		    "1 to %d",
-		    SCHEME_LAST + 1, MODBUS_IOA_MAX);
 }
 
 /* Keys of reading. */
@@ -299,11 +286,11 @@ static void check_object(struct modbus_loader *loader, const struct config_place
 		check_second_address(loader, place, values[OBJECT_ADDRESS].integer,
 				     values[OBJECT_SECOND].integer);
 	else if (!values[OBJECT_TYPE].wrong && !values[OBJECT_ADDRESS].wrong)
-		check_extent(loader, place, values[OBJECT_ADDRESS].integer, type,
+		check_extent(loader, place, values, type,
 			     modbus_object_width(type, modbus_object_format(values, type), table));
 	if (!values[OBJECT_IOA].given && !values[OBJECT_IOA].wrong && !values[OBJECT_ADDRESS].wrong &&
 	    !values[OBJECT_BIT].given)
-		check_scheme(loader, place, values[OBJECT_ADDRESS].integer);
+		modbus_check_scheme(loader, place, values, table);
 	if (values[OBJECT_NAME].given)
 		config_check_name(loader->report, &name, values[OBJECT_NAME].text);
 	if (values[OBJECT_PERIOD].given)
@@ -347,10 +334,20 @@ static void read_object(struct modbus_loader *loader, const struct config_place 
 	enum map_type type;
 
 	config_read_keys(loader->report, place, entry.json, modbus_object_rules, OBJECT_KEYS, values);
+	modbus_read_address(loader, place, table, values);
 	type = object_type(values, table);
 	check_object(loader, place, values, type, table);
 	if (loader->report->errors == errors && loader->config->point_count < loader->entries_max)
 		add_entry(loader, place, values, type, table, entry);
+}
+
+/* An object has one of two keys of its address: the slave's goes before the template's. */
+static void drop_other_address(json_t *both, const json_t *override)
+{
+	if (json_object_get(override, MODBUS_KEY_ADDRESS) != NULL)
+		json_object_del(both, MODBUS_KEY_REGISTER);
+	if (json_object_get(override, MODBUS_KEY_REGISTER) != NULL)
+		json_object_del(both, MODBUS_KEY_ADDRESS);
 }
 
 /* What the slave has instead of a template's object. NULL: it leaves it out. */
@@ -363,6 +360,7 @@ static const json_t *overridden(struct modbus_loader *loader, const json_t *obje
 	if (!json_is_object(override))
 		return json_is_null(override) ? NULL : object;
 	both = json_copy((json_t *)object);
+	drop_other_address(both, override);
 	if (both == NULL || json_object_update(both, override) < 0 ||
 	    json_array_append_new(loader->files->kept, both) < 0) {
 		config_out_of_memory(loader->report);

@@ -11,6 +11,7 @@
 
 enum {
 	OBJECT_ADDRESS,
+	OBJECT_REGISTER,
 	OBJECT_TYPE,
 	OBJECT_NAME,
 	OBJECT_UNIT,
@@ -65,6 +66,15 @@ static inline struct config_place modbus_object_key(const struct config_place *o
 {
 	return config_key_of(object, modbus_object_rules[key].name);
 }
+
+/* ---- config_number.c --------------------------------------------------------------------- */
+
+/* The address is given in one of two ways: as it is on the wire, or as a manual's number. Makes it the first of these. */
+void modbus_read_address(struct modbus_loader *loader, const struct config_place *object,
+			 enum modbus_table table, struct config_value *values);
+/* Reports an address that has no IOA by itself, and that the object gives none. */
+void modbus_check_scheme(struct modbus_loader *loader, const struct config_place *object,
+			 const struct config_value *values, enum modbus_table table);
 
 /* ---- config_value.c ---------------------------------------------------------------------- */
 

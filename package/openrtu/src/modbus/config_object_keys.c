@@ -25,7 +25,9 @@ static const char *const formats[] = {
 static const char *const bit_orders[] = {"off_on", "on_off", NULL};
 
 const struct config_rule modbus_object_rules[OBJECT_KEYS] = {
-    [OBJECT_ADDRESS] = {"address", CONFIG_INTEGER, .required = true, .low = 0, .high = MODBUS_ADDRESS_LAST},
+    [OBJECT_ADDRESS] = {MODBUS_KEY_ADDRESS, CONFIG_INTEGER, .low = 0, .high = MODBUS_ADDRESS_LAST},
+    [OBJECT_REGISTER] = {MODBUS_KEY_REGISTER, CONFIG_TEXT, .low = MODBUS_NUMBER_SHORT,
+			 .high = MODBUS_NUMBER_LONG},
     [OBJECT_TYPE] = {"type", CONFIG_CHOICE, .choices = modbus_type_names},
     [OBJECT_NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1},
     [OBJECT_UNIT] = {"unit", CONFIG_TEXT, .low = 1, .high = 15},

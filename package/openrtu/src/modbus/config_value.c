@@ -207,7 +207,7 @@ static void check_scale_register(struct modbus_loader *loader, const struct conf
 	const struct config_place here = modbus_object_key(object, OBJECT_SCALE_REGISTER);
 	int64_t address = values[OBJECT_ADDRESS].integer, scale = values[OBJECT_SCALE_REGISTER].integer;
 
-	if (!values[OBJECT_SCALE_REGISTER].given || !values[OBJECT_ADDRESS].given)
+	if (!values[OBJECT_SCALE_REGISTER].given || values[OBJECT_ADDRESS].wrong)
 		return;
 	if (scale >= address &&
 	    scale < address + modbus_object_width(type, modbus_object_format(values, type), table))

@@ -63,6 +63,8 @@ static const unsigned object_columns[] = {
     OBJECT_SUBSTITUTED_BY,
     OBJECT_NOT_TOPICAL_BY,
 };
+#define DIGITS_LEAST 15 /* of a double */
+#define DIGITS_MOST  17
 #define COUNT(array) (sizeof(array) / sizeof((array)[0]))
 
 struct row {
@@ -155,23 +157,70 @@ static void put_next(FILE *out, const char *text)
 	put_cell(out, text);
 }
 
+/* The fewest digits that are read as the same number again: 0.1, where all 17 are 0.10000000000000001. NULL: no memory. */
+static char *shortest(const json_t *number)
+{
+	char *text = NULL;
+	bool same = false;
+
+	for (int digits = DIGITS_LEAST; !same && digits <= DIGITS_MOST; digits++) {
+		json_t *again;
+
+		free(text);
+		text = json_dumps(number, JSON_ENCODE_ANY | JSON_REAL_PRECISION(digits));
+		again = text != NULL ? json_loads(text, JSON_DECODE_ANY, NULL) : NULL;
+		same = json_equal(number, again);
+		json_decref(again);
+	}
+	return text;
+}
+
+/* Compact JSON of a value that has been read: its arrays are of points of a table, and no deeper. False: no memory. */
+static bool write_json(FILE *out, const json_t *json)
+{
+	const json_t *element;
+	bool good = true;
+	char *text;
+	size_t i;
+
+	if (json_is_array(json)) {
+		fputc('[', out);
+		json_array_foreach(json, i, element)
+		{
+			fputs(i == 0 ? "" : ",", out);
+			good &= write_json(out, element);
+		}
+		fputc(']', out);
+		return good;
+	}
+	text = shortest(json);
+	fputs(text != NULL ? text : "", out);
+	good = text != NULL;
+	free(text);
+	return good;
+}
+
 /* As the file has it, a string without its quotation marks. */
 static bool put_value(FILE *out, const json_t *json)
 {
 	char *text = NULL;
+	size_t size;
+	FILE *stream;
+	bool good;
 
-	if (json_is_string(json)) {
-		put_next(out, json_string_value(json));
+	if (json == NULL || json_is_string(json)) {
+		put_next(out, json != NULL ? json_string_value(json) : "");
 		return true;
 	}
-	if (json != NULL) {
-		text = json_dumps(json, JSON_ENCODE_ANY | JSON_COMPACT);
-		if (text == NULL)
-			return false;
-	}
-	put_next(out, text != NULL ? text : "");
+	stream = open_memstream(&text, &size);
+	if (stream == NULL)
+		return false;
+	good = write_json(stream, json);
+	good &= fclose(stream) == 0;
+	if (good)
+		put_next(out, text);
 	free(text);
-	return true;
+	return good;
 }
 
 static void put_number(FILE *out, uint32_t number)
@@ -187,7 +236,9 @@ static bool put_key(FILE *out, const struct row *row, unsigned key)
 	const json_t *json = json_object_get(row->entry->json, modbus_object_rules[key].name);
 	char name[MAP_NAME_SIZE];
 
-	if (key == OBJECT_PERIOD) {
+	if (key == OBJECT_ADDRESS) {
+		fprintf(out, ",%u", row->entry->wire.address); /* however the file says it */
+	} else if (key == OBJECT_PERIOD) {
 		put_number(out, row->entry->wire.scan_period_ms);
 	} else if (key == OBJECT_READ_BACK && (row->entry->wire.flags & MODBUS_NO_READ_BACK)) {
 		put_next(out, "false");
