@@ -88,6 +88,13 @@ static int open_file(int directory_fd, const char *name, bool writable)
 	return openat(directory_fd, name, (writable ? O_RDWR : O_RDONLY) | O_CLOEXEC | O_NOFOLLOW);
 }
 
+static const char *likely_cause(int code)
+{
+	if (code == EACCES)
+		return " (rtud's user may write it, members of the modules' group may read it)";
+	return code == ENOENT ? " (does rtud run?)" : "";
+}
+
 static void *map_file(int directory_fd, const char *name, bool writable, size_t *size, char *error)
 {
 	struct stat status;
@@ -96,10 +103,7 @@ static void *map_file(int directory_fd, const char *name, bool writable, size_t 
 
 	fd = open_file(directory_fd, name, writable);
 	if (fd < 0) {
-		map_fail(error, "cannot open %s: %s%s", name, strerror(errno),
-			 errno == EACCES
-			     ? " (rtud's user may write it, members of the modules' group may read it)"
-			     : "");
+		map_fail(error, "cannot open %s: %s%s", name, strerror(errno), likely_cause(errno));
 		return NULL;
 	}
 	if (fstat(fd, &status) == 0 && status.st_size >= (off_t)sizeof(struct segment_header))

@@ -19,6 +19,8 @@ static void test_attaching_fails_with_a_reason(void **state)
 
 	assert_int_equal(map_attach(&map, "/nonexistent/map", NULL, error), -1);
 	assert_non_null(strstr(error, "does rtud run?"));
+	assert_int_equal(map_attach(&map, "/", NULL, error), -1);
+	assert_string_equal(error, "cannot open rtud.seg: No such file or directory (does rtud run?)");
 	assert_int_equal(map_attach(&map, stage->dir, "rtu-gps", error), -1);
 	assert_string_equal(error, "the map has no module rtu-gps");
 	assert_int_equal(map_create(&map, stage->dir, &stage->config, 0, error), -1);

@@ -128,6 +128,13 @@ static void print_table(struct listing *listing)
 	free(widths);
 }
 
+void listing_drop(struct listing *listing)
+{
+	for (size_t i = 0; i < (listing->rows + 1) * listing->column_count; i++)
+		free(listing->cells[i]);
+	free(listing->cells);
+}
+
 void listing_end(struct listing *listing)
 {
 	if (listing->json) {
@@ -135,7 +142,5 @@ void listing_end(struct listing *listing)
 		return;
 	}
 	print_table(listing);
-	for (size_t i = 0; i < (listing->rows + 1) * listing->column_count; i++)
-		free(listing->cells[i]);
-	free(listing->cells);
+	listing_drop(listing);
 }

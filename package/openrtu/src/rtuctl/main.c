@@ -8,6 +8,7 @@
 #include <string.h>
 #include <sys/file.h>
 
+#include "config/near.h"
 #include "iec104/counters.h"
 #include "modbus/stats.h"
 #include "rtuctl/rtuctl.h"
@@ -291,6 +292,21 @@ static int not_for(const struct command *command, const char *option)
 	return RTUCTL_USAGE;
 }
 
+static int unknown_command(const char *word)
+{
+	struct near best = {.word = NULL};
+
+	for (size_t i = 0; i < COUNT(commands); i++)
+		near_consider(&best, word, commands[i].name);
+	fprintf(stderr, "rtuctl: unknown command %s", word);
+	if (near_enough(&best))
+		fprintf(stderr, ", did you mean %s?\n", best.word);
+	for (size_t i = 0; i < COUNT(commands) && !near_enough(&best); i++)
+		fprintf(stderr, "%s%s", i == 0 ? ", expected one of " : ", ", commands[i].name);
+	fputs(near_enough(&best) ? "" : ": try \"rtuctl --help\"\n", stderr);
+	return RTUCTL_USAGE;
+}
+
 /* ---- the command line -------------------------------------------------------------------- */
 
 static const struct command *find_command(const char *name)
@@ -389,7 +405,7 @@ static int take_word(struct line *line, const char *word)
 {
 	if (line->command == NULL) {
 		line->command = find_command(word);
-		return line->command != NULL ? RTUCTL_DONE : wrong_usage(NULL, "unknown command ", word);
+		return line->command != NULL ? RTUCTL_DONE : unknown_command(word);
 	}
 	if (line->argument_count == line->command->most)
 		return wrong_usage(line->command, "one argument too many: ", word);

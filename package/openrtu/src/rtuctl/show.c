@@ -29,9 +29,16 @@ bool rtuctl_matches(const struct map_config *config, uint32_t point, const char 
 	return fnmatch(pattern, name, 0) == 0;
 }
 
-static int found(const struct listing *listing, const char *what, const char *pattern)
+/* A head without a table says nothing. */
+static int end_matching(struct listing *listing, const char *what, const char *pattern)
 {
-	if (listing->rows > 0 || pattern == NULL)
+	bool found = listing->rows > 0 || pattern == NULL;
+
+	if (found || listing->json)
+		listing_end(listing);
+	else
+		listing_drop(listing);
+	if (found)
 		return RTUCTL_DONE;
 	fprintf(stderr, "rtuctl: no %s matches \"%s\": \"rtuctl points\" lists them all\n", what, pattern);
 	return RTUCTL_FAILED;
@@ -50,15 +57,16 @@ int rtuctl_points(struct map *map, const struct rtuctl_request *request)
 	const struct map_config *config = map_config(map);
 	const char *pattern = request->arguments[0];
 	struct listing listing;
+	int result;
 
 	listing_begin(&listing, point_columns, COUNT(point_columns), request->json);
 	for (uint32_t i = 0; i < config->point_count; i++)
 		if (rtuctl_matches(config, i, pattern))
 			listing_add(&listing, rows_point(map, i));
-	listing_end(&listing);
+	result = end_matching(&listing, "point", pattern);
 	if (!request->json)
 		rtuctl_print_forces(map, stdout);
-	return found(&listing, "point", pattern);
+	return result;
 }
 
 /* ---- commands ---------------------------------------------------------------------------- */
@@ -79,8 +87,7 @@ int rtuctl_commands(struct map *map, const struct rtuctl_request *request)
 	for (uint32_t i = 0; i < config->point_count; i++)
 		if ((config->points[i].flags & MAP_POINT_COMMAND) && rtuctl_matches(config, i, pattern))
 			listing_add(&listing, rows_command(map, i));
-	listing_end(&listing);
-	return found(&listing, "command", pattern);
+	return end_matching(&listing, "command", pattern);
 }
 
 /* ---- modules ----------------------------------------------------------------------------- */

@@ -253,6 +253,10 @@ static void test_pattern(void **state)
 	assert_null(strstr(output, "level"));
 	assert_int_equal(RUN("points", "none*"), 1);
 	assert_contains("rtuctl: no point matches \"none*\"");
+	assert_null(strstr(output, "QUALITY")); /* the head of a table without rows */
+	assert_int_equal(RUN("commands", "none*"), 1);
+	assert_contains("rtuctl: no command matches \"none*\"");
+	assert_null(strstr(output, "REQUESTER"));
 }
 
 static void test_points_json(void **state)
@@ -774,7 +778,10 @@ static void test_wrong_usage(void **state)
 {
 	(void)state;
 	assert_int_equal(RUN("pionts"), 2);
-	assert_contains("unknown command pionts: try \"rtuctl --help\"");
+	assert_contains("unknown command pionts, did you mean points?");
+	assert_int_equal(RUN("status"), 2);
+	assert_contains("unknown command status, expected one of points, top, show,");
+	assert_contains(", forces: try \"rtuctl --help\"");
 	assert_int_equal(RUN("set", "pump/lamp"), 2);
 	assert_int_equal(RUN("points", "--count", "3"), 2);
 	assert_contains("takes no --count");
