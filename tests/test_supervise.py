@@ -3,6 +3,7 @@
 
 import contextlib
 import fcntl
+import grp
 import itertools
 import json
 import os
@@ -183,6 +184,68 @@ def test_map_is_shown_to_its_group_alone(gateway: Gateway) -> None:
         reader = rtuctl(MODULES_GROUP, "set", next(iter(gateway.points())), "1")
         assert reader.returncode != 0
         assert "cannot open rtuctl.seg: Permission denied" in reader.stderr
+
+
+# A group of the system, no matter which, and the modules' own.
+GROUPS = [
+    next(group for group in grp.getgrall() if group.gr_name not in ("root", "dialout")),
+    grp.getgrnam("dialout"),
+]
+ACCOUNT = 1000
+
+
+@contextlib.contextmanager
+def serial_port(group: int, mode: int) -> Iterator[str]:
+    """A pseudo-terminal that belongs to a group, as udev makes serial ports."""
+    master, slave = pty.openpty()
+    try:
+        path = os.ttyname(slave)
+        os.chown(path, 0, group)
+        Path(path).chmod(mode)
+        yield path
+    finally:
+        os.close(master)
+        os.close(slave)
+
+
+def denied(gateway: Gateway, path: str, user: int) -> str:
+    """What the log says behind "Permission denied"."""
+    config = json.loads(gateway.config_file.read_text())
+    config["port"] = [dict(config["port"][0], device=path)]
+    gateway.config_file.write_text(json.dumps(config))
+    who = [] if user == 0 else ["setpriv", f"--reuid={user}", f"--regid={user}", "--clear-groups", "--"]
+    for folder in (gateway.directory, gateway.dev):
+        folder.mkdir(exist_ok=True)
+        os.chown(folder, user, user)
+    with rtud(gateway, args=[*who, *command(gateway)]):
+        said = f"{path} cannot be opened: Permission denied; trying again each second\n"
+        gateway.wait_for(
+            lambda: "its group" in gateway.log(1000).partition(said)[2], 60.0, "the group is named"
+        )
+    return next(line for line in gateway.log(1000).splitlines() if "its group" in line)
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="a port is given to a group by root")
+@pytest.mark.parametrize("group", GROUPS, ids=("another", "dialout"))
+def test_a_port_that_is_denied_names_its_group(gateway: Gateway, group: grp.struct_group) -> None:
+    with serial_port(group.gr_gid, 0o660) as path:
+        name = group.gr_name
+        advice = f": its group is {name}; join it: sudo usermod -aG {name} $USER, and log in again"
+        assert denied(gateway, path, ACCOUNT).endswith(advice)
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="rtud gives its modules users of their own only as root")
+def test_a_port_that_modules_of_root_may_not_open_is_given_to_their_group(gateway: Gateway) -> None:
+    with serial_port(GROUPS[0].gr_gid, 0o660) as path:
+        assert denied(gateway, path, 0).endswith(
+            f": its group is {GROUPS[0].gr_name}: sudo chgrp dialout {path}"
+        )
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="a port is given to a group by root")
+def test_a_port_that_no_group_may_open_says_its_mode(gateway: Gateway) -> None:
+    with serial_port(GROUPS[1].gr_gid, 0o620) as path:
+        assert denied(gateway, path, 0).endswith("its group, dialout, may not read and write it (mode 0620)")
 
 
 def anonymous_kib(pid: int) -> int:

@@ -9,6 +9,7 @@
 #include <stdint.h>
 
 #define SERIAL_ERROR_SIZE 96
+#define SERIAL_HINT_SIZE  160
 
 enum serial_parity { SERIAL_PARITY_NONE, SERIAL_PARITY_ODD, SERIAL_PARITY_EVEN };
 
@@ -34,6 +35,9 @@ struct serial_settings {
  * (SERIAL_ERROR_SIZE bytes).
  */
 int serial_open(const char *path, const struct serial_settings *line, bool *carries_parity, char *error);
+
+/* Of a port that this user may not open: which group it belongs to, and what to type. False: that is not why. */
+bool serial_explain(const char *path, char hint[SERIAL_HINT_SIZE]);
 
 /*
  * Whether the port still has what serial_open set: another program that may open it, as root may in spite of us, may

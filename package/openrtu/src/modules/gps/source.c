@@ -77,14 +77,18 @@ static void note_open(struct source *source)
 static void open_serial(struct source *source, int64_t now_ns)
 {
 	const struct serial_settings line = {.baud = source->settings->baud, .stop_bits = STOP_BITS};
-	char error[SERIAL_ERROR_SIZE];
-	bool carries_parity;
+	char error[SERIAL_ERROR_SIZE], hint[SERIAL_HINT_SIZE];
+	bool carries_parity, explain;
 
 	source->fd = serial_open(source->path, &line, &carries_parity, error);
-	if (source->fd < 0)
-		lose(source, error, now_ns);
-	else
+	if (source->fd >= 0) {
 		note_open(source);
+		return;
+	}
+	explain = !source->failing && serial_explain(source->path, hint);
+	lose(source, error, now_ns);
+	if (explain)
+		map_log(source->map, MAP_LOG_ERROR, "%s: %s", source->settings->name, hint);
 }
 
 static void begin_connection(struct source *source, int64_t now_ns)

@@ -131,12 +131,15 @@ static void open_serial(struct port *port, int64_t now_ns)
 {
 	const struct serial_settings settings = serial_settings_of(port->config);
 	struct map *map = port->map;
-	char error[SERIAL_ERROR_SIZE];
-	bool carries_parity;
+	char error[SERIAL_ERROR_SIZE], hint[SERIAL_HINT_SIZE];
+	bool carries_parity, explain;
 
 	port->fd = serial_open(port->path, &settings, &carries_parity, error);
 	if (port->fd < 0 || !wait_for_port(port, EPOLLIN, error)) {
+		explain = !port->failing && serial_explain(port->path, hint);
 		retry_port(port, error, REOPEN_NS, now_ns);
+		if (explain)
+			map_log(map, MAP_LOG_ERROR, "port %u: %s", port->config->port, hint);
 		return;
 	}
 	if (!carries_parity && port->config->parity != MODBUS_PARITY_NONE && !port->pty_logged) {
