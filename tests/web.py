@@ -22,7 +22,9 @@ WEB_USER = 61218  # rtu-web's, if rtud is root's
 PASSWORD = "correct horse battery"
 DEVICE = "1.10"
 HOSTILE = "<svg/onload=document.title='X'>"  # a point's name has no space, and no character of a pattern
-INITIAL = {DEVICE: {"coils": {"0": 0, "1": 0}, "input_registers": {"0": 50, "1": 60}}}
+INITIAL = {
+    DEVICE: {"coils": {"0": 0, "1": 0}, "input_registers": {"0": 50, "1": 60}, "holding_registers": {"0": 40}}
+}
 WAIT_S = 60.0
 
 
@@ -47,6 +49,17 @@ def configuration(folder: Path, port: int, *, secure: bool = True, **keys: Any) 
         "input_registers": [
             {"address": 0, "name": "level", "type": "scaled"},
             {"address": 1, "name": HOSTILE, "type": "scaled"},
+        ],
+        "holding_registers": [
+            {
+                "address": 0,
+                "name": "setpoint",
+                "type": "scaled",
+                "unit": "kW",
+                "step": 5,
+                "min": 0,
+                "max": 100,
+            }
         ],
     }
     pace = {"baud_rate": 19200, "data_bits": 8, "stop_bits": 1, "parity": 0}

@@ -125,7 +125,7 @@ def test_views_by_the_keyboard_alone(tab: Tab) -> None:
 
 def test_a_dead_device_is_an_alarm(gateway: Page, tab: Tab) -> None:
     gateway.lines.fault(DEVICE, "mute")
-    expect(tab.locator("nav .count")).to_have_text("4", timeout=LIMIT_MS)
+    expect(tab.locator("nav .count")).to_have_text("5", timeout=LIMIT_MS)
     tab.keyboard.press("2")
     row = tab.locator("tr", has_text="level")
     expect(row.locator(".state.bad")).to_have_text("Iinvalid", timeout=LIMIT_MS)
@@ -139,6 +139,21 @@ def command(tab: Tab, name: str, value: str) -> None:
     tab.locator("tr", has_text=name).locator("button").click()
     tab.locator("dialog input").fill(value)
     tab.locator("dialog button.main:visible").click()
+
+
+def test_a_command_is_given_beside_what_is_there(gateway: Page, tab: Tab) -> None:
+    tab.keyboard.press("4")
+    tab.locator("tr", has_text="setpoint").locator("button").click()
+    expect(tab.locator("#now")).to_have_text("40 kW Ggood", timeout=LIMIT_MS)
+    expect(tab.locator("#allowed")).to_have_text("0 to 100 kW")
+    expect(tab.locator("dialog label")).to_contain_text("(kW)")
+    gateway.set_and_scan(DEVICE, "holding_registers", 0, [45])
+    expect(tab.locator("#now")).to_have_text("45 kW Ggood", timeout=LIMIT_MS)  # while it is open
+    tab.keyboard.press("Escape")
+    tab.locator("tr", has_text="lamp").locator("button").click()
+    expect(tab.locator("#now")).to_contain_text("off")
+    expect(tab.locator("#allowed")).to_have_text("on or off")
+    tab.keyboard.press("Escape")
 
 
 def test_each_fate_of_a_command_has_its_look(gateway: Page, tab: Tab) -> None:
@@ -180,6 +195,12 @@ def test_a_viewer_on_a_phone(gateway: Page, browser: Browser) -> None:
     tab.keyboard.press("4")
     expect(tab.locator("tr", has_text="breaker")).to_have_count(1, timeout=LIMIT_MS)
     assert tab.locator("td button").count() == 0
+    tab.keyboard.press("7")
+    tab.wait_for_selector(".log tbody tr")
+    for place in ("#clock", ".log tbody tr:first-child td:last-child", ".log tbody tr:first-child .time"):
+        box = tab.locator(place).bounding_box()
+        assert box is not None and box["x"] >= 0 and box["x"] + box["width"] <= PHONE["width"], place
+    assert tab.evaluate("(card) => card.scrollWidth <= card.clientWidth", tab.query_selector(".card"))
     tab.locator("#logout").click()
     tab.wait_for_selector("[name=name]:focus")
     assert tab.locator("#view").is_hidden()

@@ -9,6 +9,7 @@
 #include "iec61850/leaf.h"
 #include "iec61850/value.h"
 #include "map/address.h"
+#include "map/type.h"
 
 #define TEXT_SIZE    (6 * MAP_NAME_SIZE) /* of a name, each character an entity */
 #define ID_SIZE      256                 /* tAnyName */
@@ -368,7 +369,7 @@ static bool setting_of(const struct iec61850_scl *scl, const struct iec61850_obj
 	case IEC61850_LOW_LOW:
 	case IEC61850_MEASURED_LEAST:
 	case IEC61850_MEASURED_MOST:
-		snprintf(out, TEXT_SIZE, "%.9g", (double)iec61850_limit_of(scl->model, object, leaf));
+		snprintf(out, TEXT_SIZE, "%.9g", map_shortest(iec61850_limit_of(scl->model, object, leaf)));
 		return true;
 	default:
 		return false;

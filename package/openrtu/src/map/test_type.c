@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* The types of points: that each has a whole row, and what an integer and an angle of 32 bits keep. */
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "map/test_stage.h"
@@ -140,11 +141,37 @@ static void test_an_angles_parameters_are_angles(void **state)
 	end_commands(&commands);
 }
 
+static void test_floats_are_written_with_the_fewest_digits(void **state)
+{
+	static const struct {
+		float value;
+		const char *text;
+	} cases[] = {{0.1f, "0.1"},    {-0.3f, "-0.3"},  {16777216.0f, "16777216"},
+		     {0, "0"},         {1e30f, "1e+30"}, {0.100000009f, "0.10000001"},
+		     {230.4f, "230.4"}};
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+		char text[32];
+
+		snprintf(text, sizeof(text), "%.9g", map_shortest(cases[i].value));
+		assert_string_equal(text, cases[i].text);
+	}
+	for (uint32_t bits = 1; bits < 0x7f000000; bits += 104729) { /* they are the same float again */
+		float value, again;
+
+		memcpy(&value, &bits, sizeof(value));
+		again = (float)map_shortest(value);
+		assert_memory_equal(&again, &value, sizeof(value));
+	}
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
 	    cmocka_unit_test(test_each_type_has_a_whole_row),
 	    cmocka_unit_test(test_numbers_become_values_and_back),
+	    cmocka_unit_test(test_floats_are_written_with_the_fewest_digits),
 	    TYPED(test_all_bits_are_kept),
 	    TYPED(test_an_angles_deadband_is_in_degrees),
 	    TYPED(test_an_angles_parameters_are_angles),

@@ -1,6 +1,13 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "map/type.h"
 
+#include <stdio.h>
+#include <stdlib.h>
+
+/* Of a float: the fewest that any has, and those that tell all apart. */
+#define DIGITS_LEAST 6
+#define DIGITS_MOST  9
+
 #define HALF_TURN (180.0 * MAP_ANGLE_PER_DEGREE)
 
 /* type, name, width, class, form, low, high, expected */
@@ -45,4 +52,16 @@ bool map_value_of(enum map_type type, double number, union map_value *out)
 	else
 		out->i = (int32_t)value;
 	return true;
+}
+
+double map_shortest(float value)
+{
+	char text[32];
+
+	for (int digits = DIGITS_LEAST; digits < DIGITS_MOST; digits++) {
+		snprintf(text, sizeof(text), "%.*g", digits, (double)value);
+		if (!(strtof(text, NULL) < value) && !(strtof(text, NULL) > value))
+			return strtod(text, NULL);
+	}
+	return (double)value;
 }

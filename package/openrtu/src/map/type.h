@@ -52,4 +52,7 @@ static inline enum map_class map_class_of(const struct map_point *point)
  */
 bool map_value_of(enum map_type type, double number, union map_value *out);
 
+/* The number with the fewest digits that is this one as a float: 0.1, where (double)0.1f is 0.10000000149. */
+double map_shortest(float value);
+
 #endif

@@ -3,6 +3,7 @@
 #include "rows/rows.h"
 
 #include "map/time_ns.h"
+#include "map/type.h"
 #include "rows/words.h"
 
 json_t *rows_point_name(const struct map_config *config, uint32_t point)
@@ -55,6 +56,28 @@ json_t *rows_point(const struct map *map, uint32_t index)
 	return row;
 }
 
+/* Without what the configuration does not say of it. */
+static void set_present(json_t *row, const struct map *map, uint32_t index)
+{
+	const struct map_point *point = &map_config(map)->points[index];
+	const char *unit = map_unit_of(map_config(map), point);
+	struct map_sample sample = {.quality = MAP_INVALID};
+	char quality[WORDS_SIZE];
+
+	map_read(map, index, &sample);
+	words_quality(sample.quality, quality);
+	json_object_set_new(row, "present",
+			    sample.time_ns != 0 ? words_value(point->type, &sample.value) : json_null());
+	json_object_set_new(row, "quality", json_string(quality));
+	if (*unit != '\0')
+		json_object_set_new(row, "unit", json_string(unit));
+	json_object_set_new(row, "expected", json_string(map_types[point->type].expected));
+	if (point->step > 0) {
+		json_object_set_new(row, "min", json_real(map_shortest(point->min)));
+		json_object_set_new(row, "max", json_real(map_shortest(point->max)));
+	}
+}
+
 json_t *rows_command(const struct map *map, uint32_t index)
 {
 	const struct map_point *point = &map_config(map)->points[index];
@@ -72,5 +95,6 @@ json_t *rows_command(const struct map *map, uint32_t index)
 	json_object_set_new(row, "age_s", rows_age(command.time_ns));
 	json_object_set_new(row, "requester", used ? rows_module_name(map, command.requester) : json_null());
 	json_object_set_new(row, "select", json_boolean(point->flags & MAP_POINT_SELECT));
+	set_present(row, map, index);
 	return row;
 }

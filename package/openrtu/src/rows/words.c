@@ -122,7 +122,7 @@ json_t *words_value(enum map_type type, const union map_value *value)
 	case MAP_FORM_FRACTION:
 		return json_real(value->i / NVA_ONE);
 	case MAP_FORM_FLOAT:
-		return isfinite(value->f) ? json_real((double)value->f) : json_null();
+		return isfinite(value->f) ? json_real(map_shortest(value->f)) : json_null();
 	case MAP_FORM_DEGREES:
 		return json_real(map_number(type, *value));
 	}

@@ -6,6 +6,7 @@ const PAGE_ROWS = 200, PERIOD_MS = 1000, LATE_MS = 10000;
 const $ = (id) => document.getElementById(id);
 let me = null; // who is logged in
 let busy = false; // a command waits for its end, which is shown whatever happens
+let newest = []; // rows of the view that is searched
 let view = "points", from = 0, search = "", timer = 0, turn = 0;
 
 // ---- parts of the page -------------------------------------------------------------------------
@@ -41,9 +42,9 @@ function fill(table, columns, rows) {
   });
 }
 
-function table(title, columns, empty) {
+function table(title, columns, empty, kind) {
   const head = element("tr", {}, ...columns.map((column) => element("th", { class: column.class ?? false }, column.title)));
-  const made = element("table", {}, element("thead", {}, head), element("tbody"));
+  const made = element("table", { class: kind ?? false }, element("thead", {}, head), element("tbody"));
   const none = element("p", { class: "empty" }, empty);
   const card = element("section", { class: "card", "aria-label": title }, title ? element("h2", {}, title) : null, made, none);
   return {
@@ -84,6 +85,8 @@ function value(row) {
   if (typeof row.value === "object") return JSON.stringify(row.value);
   return String(row.value);
 }
+
+const withUnit = (shown, row) => (row.unit && shown !== "–" ? `${shown} ${row.unit}` : shown);
 
 function age(seconds) {
   if (seconds === null || seconds === undefined) return "never";
@@ -159,6 +162,19 @@ function tell(said) {
   place.hidden = false;
 }
 
+// What a command may be, in words.
+function limits(row) {
+  return row.max === undefined ? row.expected : withUnit(`${row.min} to ${row.max}`, row);
+}
+
+const rowNamed = (name) => newest.find((row) => row.name === name);
+
+// The point's value as long as the dialogue is open.
+function showNow(name) {
+  const row = rowNamed(name);
+  if (row) $("now").replaceChildren(withUnit(value({ value: row.present }), row), " ", qualityOf(row).make());
+}
+
 function openCommand(row) {
   const dialog = $("dialog");
   const wanted = element("input", { name: "value", required: true, autocomplete: "off" });
@@ -188,10 +204,14 @@ function openCommand(row) {
   const close = element("button", { type: "button", click: () => dialog.close() }, "Close");
   dialog.replaceChildren(
     element("h2", { id: "dialog-name" }, row.name),
-    element("label", {}, `Value (${row.type})`, wanted),
+    element("dl", {},
+      element("dt", {}, "Now"), element("dd", { id: "now" }),
+      element("dt", {}, "Allowed"), element("dd", { id: "allowed" }, limits(row))),
+    element("label", {}, `New value (${row.unit ?? row.type})`, wanted),
     element("p", { id: "outcome", class: "outcome", role: "status", hidden: true }),
     element("div", { class: "row" }, select, execute, cancel, close),
   );
+  showNow(row.name);
   dialog.onclose = () => selected && ask("/api/order", { action: "cancel", name: row.name, value: wanted.value }).catch(() => {});
   dialog.showModal();
 }
@@ -227,10 +247,10 @@ const commandColumns = [
   { title: "State", show: commandState },
   { title: "Value", class: "value", show: value },
   { title: "Age", class: "number", show: (row) => age(row.age_s) },
-  text("By", "requester"),
+  text("By", "requester", "clutter"),
   {
     title: "",
-    show: (row) => (me?.commands ? { key: row.name, make: () => element("button", { click: () => openCommand(row) }, "Command…") } : ""),
+    show: (row) => (me?.commands ? { key: row.name, make: () => element("button", { click: () => openCommand(rowNamed(row.name)) }, "Command…") } : ""),
   },
 ];
 
@@ -255,8 +275,8 @@ const eventColumns = [
 ];
 const LEVELS = { error: "bad", warning: "old" };
 const logColumns = [
-  text("Time", "time"), text("Module", "module"),
-  { title: "Level", show: (row) => state(LEVELS[row.level] ?? "none", row.level[0].toUpperCase(), row.level) }, text("Text", "text"),
+  text("Time", "time", "time"), text("Module", "module", "module"),
+  { title: "Level", class: "level", show: (row) => state(LEVELS[row.level] ?? "none", row.level[0].toUpperCase(), row.level) }, text("Text", "text"),
 ];
 
 function pager(total, again) {
@@ -282,7 +302,8 @@ function searched(columns, path, empty) {
   const update = async () => {
     const said = await ask(`${path}?${query({ from, count: PAGE_ROWS, search })}`);
     if (from >= said.total && from > 0) from = 0;
-    shown.update(said.rows);
+    shown.update(newest = said.rows);
+    if ($("dialog").open) showNow($("dialog-name").textContent);
     const next = pager(said.total, again);
     if (key !== next.key) pages.replaceChildren(...next.make());
     key = next.key;
@@ -333,7 +354,7 @@ const VIEWS = {
     };
   }],
   log: ["Log", () => {
-    const shown = table("", logColumns, "The log is empty.");
+    const shown = table("", logColumns, "The log is empty.", "log");
     return { parts: [shown.card], update: async () => shown.update((await ask(`/api/log?${query({ count: 200 })}`)).rows.reverse()) };
   }],
 };
