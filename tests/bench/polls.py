@@ -326,7 +326,10 @@ def picture(found: list[Row]) -> str:
         parts.append(f'<text x="54" y="{height + 4:.1f}" text-anchor="end">{10.0**power:g}</text>')
     parts.append('<text x="285" y="358" text-anchor="middle">RTUs, polled in turn</text>')
     parts.append('<text x="10" y="20">ms a round</text>')
-    heights = sorted(((y(points[-1][1]), name) for name, points in curves.items()), reverse=True)
+    lone = {name: points[0] for name, points in curves.items() if len(points) == 1}
+    heights = sorted(
+        ((y(points[-1][1]), name) for name, points in curves.items() if name not in lone), reverse=True
+    )
     at = 340.0
     for height, name in heights:
         at = min(height + 4, at - 16)
@@ -338,6 +341,11 @@ def picture(found: list[Row]) -> str:
             for count, ms in curves[name]
         ]
         parts.append(f'<text x="512" y="{at:.1f}" fill="{colours[name]}">{text}</text>')
+    for name, (count, ms) in lone.items():  # no curve: over the others, with its name beside it
+        place = f'cx="{x(count):.1f}" cy="{y(ms):.1f}"'
+        parts.append(f'<circle {place} r="6" fill="none" stroke="{colours[name]}" stroke-width="2"/>')
+        at = f'x="{x(count):.1f}" y="{y(ms) + 21:.1f}"'
+        parts.append(f'<text {at} text-anchor="middle" fill="{colours[name]}">{name}</text>')
     return "\n".join([*parts, "</svg>", ""])
 
 

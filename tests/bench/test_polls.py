@@ -6,6 +6,7 @@ import xml.etree.ElementTree as ET
 import pytest
 from polls import (
     ASYNCIO,
+    C104,
     CENTRE,
     FLOOR,
     PLAN,
@@ -23,6 +24,7 @@ from polls import (
 )
 from stopwatch import Spread
 
+SVG = "{http://www.w3.org/2000/svg}"
 FEW = Case(3, 2)
 
 
@@ -54,4 +56,18 @@ def test_table_and_picture() -> None:
     ]
     assert table(found).splitlines()[3].split("|")[-2].strip() == "2.50"
     drawn = ET.fromstring(picture(found))
-    assert len(drawn.findall("{http://www.w3.org/2000/svg}polyline")) == 3  # and the paper's
+    assert len(drawn.findall(f"{SVG}polyline")) == 3  # and the paper's
+
+
+def test_what_has_one_point_is_no_curve() -> None:
+    few = [Row(Case(10, 1), TURN, C104, Spread("µs", [10.0]), 3.0)]
+    more = [Row(Case(count, 1), TURN, UVLOOP, Spread("µs", [10.0]), 3.0) for count in (10, 100)]
+    drawn = ET.fromstring(picture([*few, *more]))
+    assert len(drawn.findall(f"{SVG}polyline")) == 2  # of uvloop and the paper
+    names = {
+        text.text: (float(text.get("x", 0)), float(text.get("y", 0))) for text in drawn.findall(f"{SVG}text")
+    }
+    *_, ring = drawn.findall(f"{SVG}circle")
+    assert ring.get("fill") == "none"  # what lies below it is seen
+    assert abs(names[C104][0] - float(ring.get("cx", 0))) < 1
+    assert 10 < names[C104][1] - float(ring.get("cy", 0)) < 30
