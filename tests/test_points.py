@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Templates, included files, the list of points, and the way back from it."""
 
+import codecs
 import csv
 import io
 import json
@@ -386,18 +387,96 @@ def test_wrong_csv_says_file_and_line(tmp_path: Path, old: str, new: str, messag
     )
 
 
-def test_unusable_files(tmp_path: Path) -> None:
+def as_in_excel(listed: str, delimiter: str, *, decimal_comma: bool) -> str:
+    """The CSV as a spreadsheet saves it: delimiter, decimals, truth values, empty cells."""
+    out = io.StringIO(newline="")
+    writer = csv.writer(out, delimiter=delimiter, lineterminator="\r\n")
+    for row in csv.reader(io.StringIO(listed)):
+        cells = [cell.upper() if cell in ("true", "false") else cell for cell in row]
+        if decimal_comma:
+            cells = [re.sub(r"^(-?\d+)\.(\d+)$", r"\1,\2", cell) for cell in cells]
+        writer.writerow([*cells, ""])
+    return out.getvalue()
+
+
+SPREADSHEETS = {
+    "Unicode text": ("utf-16", "\t", True),
+    "CSV UTF-8 of Germany": ("utf-8-sig", ";", True),
+    "CSV of Germany": ("cp1252", ";", True),
+    "CSV UTF-8": ("utf-8-sig", ",", False),
+    "CSV": ("cp1252", ",", False),
+    "UTF-16, big end first": ("utf-16-be", ";", True),
+}
+
+
+@pytest.mark.parametrize("kind", SPREADSHEETS)
+def test_what_spreadsheets_write_is_read(programs: Path, tmp_path: Path, kind: str) -> None:
+    encoding, delimiter, decimal_comma = SPREADSHEETS[kind]
+    listed = rtud(programs, "--points", "--csv", ROOT / "docs/examples/every-key.json").stdout
+    lines = ROOT / "docs/examples/every-key.json"
     points = tmp_path / "points.csv"
-    lines = write(tmp_path / "lines.json", {"port": []})
-    assert back(points, lines).returncode == 2
-    points.write_bytes(b"ca,\xff")
-    assert back(points, lines).returncode == 2
-    points.write_text("ca,ioa\n")
-    result = back(points, lines)
-    assert (result.returncode, result.stderr) == (
-        2,
-        f"openrtu points: {points}:1: has no column type, name, port, id, table, address\n",
+    points.write_text(listed)
+    expected = json.loads(back(points, lines).stdout)
+    saved = as_in_excel(listed, delimiter, decimal_comma=decimal_comma)
+    assert not decimal_comma or "0,1" in saved
+    assert "°C" in saved
+    mark = codecs.BOM_UTF16_BE if encoding == "utf-16-be" else b""
+    points.write_bytes(mark + saved.encode(encoding))
+    made = back(points, lines)
+    assert (made.returncode, made.stderr) == (0, "")
+    assert json.loads(made.stdout) == expected
+
+
+HEAD = "ca,ioa,type,name,port,id,table,register"
+
+
+def test_a_manuals_number_keeps_its_noughts(tmp_path: Path) -> None:
+    points = tmp_path / "points.csv"
+    points.write_text(
+        f"{HEAD}\n3067,1,M_SP_NA_1,a,3,67,coils,1\n3067,2,M_ME_NB_1,b,3,67,holding_registers,400001\n"
     )
+    made = back(points, write(tmp_path / "lines.json", {"port": [{"value": 3, **LINE}]}))
+    slave = json.loads(made.stdout)["port"][0]["slaves"][0]
+    assert (slave["coils"][0]["register"], slave["holding_registers"][0]["register"]) == ("00001", "400001")
+
+
+def test_a_comma_that_may_be_thousands_is_refused(tmp_path: Path) -> None:
+    points = tmp_path / "points.csv"
+    points.write_text(f'{HEAD},scale\n3067,1,M_ME_NB_1,a,3,67,holding_registers,40001,"1,234"\n')
+    result = back(points, write(tmp_path / "lines.json", {"port": [{"value": 3, **LINE}]}))
+    said = f'{points}:2: scale: "1,234" has a comma: write the number with a point, or without it\n'
+    assert (result.returncode, result.stderr) == (1, said)
+
+
+UNUSABLE = {
+    "neither": (
+        b"ca,ioa\n1,\x81",
+        ':2: has a character that is neither UTF-8 nor Windows-1252: save it as "CSV UTF-8"',
+    ),
+    "workbook": (b"PK\x03\x04\0", ': is a workbook: save the sheet as "CSV UTF-8"'),
+    "half a character": ("ca".encode("utf-16") + b"x", ': is cut or damaged: save it again as "CSV UTF-8"'),
+    "UTF-16 without a mark": ("ca;ioa".encode("utf-16-le"), ': is no text: save it as "CSV UTF-8"'),
+    "columns": (
+        b"ca;ioa\n",
+        ":1: has no column type, name, port, id, table, address or register; "
+        "its first line has 2 cells parted by semicolons",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", UNUSABLE)
+def test_unusable_files(tmp_path: Path, kind: str) -> None:
+    content, message = UNUSABLE[kind]
+    points = tmp_path / "points.csv"
+    points.write_bytes(content)
+    result = back(points, write(tmp_path / "lines.json", {"port": []}))
+    assert (result.returncode, result.stderr) == (2, f"openrtu points: {points}{message}\n")
+
+
+def test_a_file_that_is_not_there(tmp_path: Path) -> None:
+    points, lines = tmp_path / "points.csv", write(tmp_path / "lines.json", {"port": []})
+    assert back(points, lines).returncode == 2
+    points.write_text(HEAD)
     assert back(points, write(lines, [])).returncode == 2
 
 

@@ -6,8 +6,11 @@ Exit codes: 0 done, 1 the list has errors, each printed with file and line, 2 an
 """
 
 import argparse
+import codecs
 import csv
+import io
 import json
+import re
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,12 +32,19 @@ TYPES = {
     "M_ME_ND_1": {"type": "normalized", "quality": False},
     "M_IT_NA_1": {"type": "counter"},
 }
-NEEDED = ("ca", "ioa", "type", "name", "port", "id", "table", "address")
+NEEDED = ("ca", "ioa", "type", "name", "port", "id", "table")
+ADDRESSES = ("address", "register")  # either
 DERIVED = ("ca", "type", "event_type", "command_type", "direction", "device", "port", "id", "table")
-TEXTS = ("name", "unit", "ln", "format", "word_order", "byte_order", "bit_order")
+TEXTS = ("register", "name", "unit", "ln", "format", "word_order", "byte_order", "bit_order")
 TEXTS += ("blocked_by", "substituted_by", "not_topical_by")
 OF_OBJECTS = (*TABLES, "template", "overrides", "name_prefix", "ioa_offset", "ca")
 IN_ROWS = (*OF_OBJECTS, "period_ms", "read_back")  # what each point of the list has itself
+
+# What spreadsheets save as "Unicode text" and "CSV UTF-8"; the longer mark first.
+MARKS = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
+DELIMITERS = {",": "commas", ";": "semicolons", "\t": "tabs"}
+DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
+REGISTER_DIGITS = 5  # of "00001", whose noughts a spreadsheet drops
 
 
 class PointsError(UnusableInput):
@@ -47,6 +57,7 @@ class Slaves:
 
     config: Json
     source: Path
+    decimal_comma: bool = False
     errors: list[str] = field(default_factory=list)
 
     def error(self, line: int, message: str) -> None:
@@ -97,17 +108,34 @@ class Slaves:
         for key, cell in row.items():
             if key in DERIVED or cell == "":
                 continue
-            try:
-                point[key] = cell if key in TEXTS else json.loads(cell)
-            except ValueError:
-                self.error(line, f'{key}: "{cell}" is not a number, truth value or array')
+            if key == "register":
+                point[key] = cell.zfill(REGISTER_DIGITS)
+            elif key in TEXTS:
+                point[key] = cell
+            else:
+                self.set_value(point, key, cell, line)
         return point | TYPES.get(row["type"], {})
+
+    def set_value(self, point: Json, key: str, cell: str, line: int) -> None:
+        """A number, a truth value or an array, as a spreadsheet writes it."""
+        plain = cell.strip()
+        if DECIMAL_COMMA.fullmatch(plain):
+            if not self.decimal_comma:  # it may be a thousand and more
+                self.error(line, f'{key}: "{cell}" has a comma: write the number with a point, or without it')
+                return
+            plain = plain.replace(",", ".")
+        if plain in ("TRUE", "FALSE"):
+            plain = plain.lower()
+        try:
+            point[key] = json.loads(plain)
+        except ValueError:
+            self.error(line, f'{key}: "{cell}" is not a number, truth value or array')
 
 
 def read_json(path: Path) -> Json:
     """A file's JSON object."""
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = json.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise PointsError(f"{path}: {error.strerror}") from error
     except ValueError as error:
@@ -151,21 +179,54 @@ def without_objects(slave: Json, templates: Json) -> Json:
     return {key: value for key, value in template.items() if key not in (*IN_ROWS, "id")} | own
 
 
-def read_points(path: Path, slaves: Slaves) -> None:
-    """Adds the points of a CSV, whose cells commas or semicolons part."""
+def decoded(path: Path, octets: bytes) -> str:
+    """The text of a CSV in any of the encodings that spreadsheets save."""
+    if octets.startswith(b"PK\x03\x04"):
+        raise PointsError(f'{path}: is a workbook: save the sheet as "CSV UTF-8"')
+    encoding = next((name for mark, name in MARKS.items() if octets.startswith(mark)), "utf-8")
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        return octets.decode(encoding)
+    except UnicodeDecodeError as error:
+        if encoding != "utf-8":
+            raise PointsError(f'{path}: is cut or damaged: save it again as "CSV UTF-8"') from error
+    try:
+        return octets.decode("cp1252")
+    except UnicodeDecodeError as error:
+        line = octets.count(b"\n", 0, error.start) + 1
+        raise PointsError(
+            f'{path}:{line}: has a character that is neither UTF-8 nor Windows-1252: save it as "CSV UTF-8"'
+        ) from error
+
+
+def read_table(path: Path) -> tuple[str, "csv.DictReader[str]"]:
+    """What parts the cells of a CSV, and its rows."""
+    try:
+        text = decoded(path, path.read_bytes())
     except OSError as error:
         raise PointsError(f"{path}: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise PointsError(f"{path}: {error}") from error
+    if "\0" in text:
+        raise PointsError(f'{path}: is no text: save it as "CSV UTF-8"')
     head = text.partition("\n")[0]
-    reader = csv.DictReader(text.splitlines(keepends=True), delimiter=";" if ";" in head else ",")
-    missing = [key for key in NEEDED if key not in (reader.fieldnames or [])]
+    delimiter = max(DELIMITERS, key=head.count)
+    reader = csv.DictReader(io.StringIO(text, newline=""), delimiter=delimiter)
+    columns = [name.strip().lower() for name in reader.fieldnames or []]
+    reader.fieldnames = columns
+    missing = [key for key in NEEDED if key not in columns]
+    if not set(columns) & set(ADDRESSES):
+        missing.append(" or ".join(ADDRESSES))
     if missing:
-        raise PointsError(f"{path}:1: has no column {', '.join(missing)}")
+        found = f"its first line has {len(columns)} cells parted by {DELIMITERS[delimiter]}"
+        raise PointsError(f"{path}:1: has no column {', '.join(missing)}; {found}")
+    return delimiter, reader
+
+
+def read_points(path: Path, slaves: Slaves) -> None:
+    """Adds the points of a CSV."""
+    delimiter, reader = read_table(path)
+    slaves.decimal_comma = delimiter != ","
     for row in reader:
-        if None in row or None in row.values():
+        more = row.pop(None, [])  # type: ignore[call-overload]
+        if any(more) or None in row.values():
             slaves.error(reader.line_num, "has another number of cells than the first line")
         elif row["port"] != "":  # the gateway's own station has none: own_ca makes it
             slaves.add(row, reader.line_num)
