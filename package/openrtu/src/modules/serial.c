@@ -154,12 +154,18 @@ static bool seize(int fd, char *error)
 	return true;
 }
 
-int serial_open(const char *path, const struct serial_settings *line, bool *carries_parity, char *error)
+int serial_open(const char *path, const struct serial_settings *line, bool *carries_parity, char *error,
+		char hint[SERIAL_HINT_SIZE])
 {
 	int fd = open(path, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
 
+	hint[0] = '\0';
 	if (fd < 0) {
+		bool denied = errno == EACCES;
+
 		snprintf(error, SERIAL_ERROR_SIZE, "cannot be opened: %s", strerror(errno));
+		if (denied)
+			serial_explain(path, hint);
 		return -1;
 	}
 	*carries_parity = !is_pty(fd);

@@ -32,12 +32,10 @@ struct serial_settings {
 /*
  * Opens the port for us alone, raw, non-blocking, 8 data bits, as the line has it, and checks what it took. *carries_parity is
  * false for a pseudo-terminal, which has none to carry. Returns the descriptor, or -1 with a message in error
- * (SERIAL_ERROR_SIZE bytes).
+ * (SERIAL_ERROR_SIZE bytes), and whose the port is in hint, empty if that is not why.
  */
-int serial_open(const char *path, const struct serial_settings *line, bool *carries_parity, char *error);
-
-/* Of a port that this user may not open: which group it belongs to, and what to type. False: that is not why. */
-bool serial_explain(const char *path, char hint[SERIAL_HINT_SIZE]);
+int serial_open(const char *path, const struct serial_settings *line, bool *carries_parity, char *error,
+		char hint[SERIAL_HINT_SIZE]);
 
 /*
  * Whether the port still has what serial_open set: another program that may open it, as root may in spite of us, may
@@ -50,5 +48,10 @@ void serial_discard_output(int fd);
 
 /* Closes the port at once: close alone waits up to 30 s for what a stuck port has not sent. */
 void serial_close(int fd);
+
+/* ---- serial_group.c ---------------------------------------------------------------------- */
+
+/* Of a port that this user may not open: its group, and what to type. */
+void serial_explain(const char *path, char hint[SERIAL_HINT_SIZE]);
 
 #endif

@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Why a port does not open to us: whose it is, and what to type. With the system calls of serial.c alone. */
-#include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -17,15 +16,6 @@
 #define GROUPS_FILE   "/etc/group"
 #define MODULES_USERS 32        /* rtud gives modules: systemd/openrtu.sysusers */
 #define MODULES_GROUP "dialout" /* what rtud, as root, gives to the modules that open ports */
-
-static bool is_denied(const char *path)
-{
-	int fd = open(path, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
-
-	if (fd >= 0)
-		close(fd);
-	return fd < 0 && errno == EACCES;
-}
 
 static bool look_at(const char *path, struct stat *status)
 {
@@ -91,13 +81,13 @@ static bool has_user_of_its_own(void)
 	return user > group && user - group <= MODULES_USERS;
 }
 
-bool serial_explain(const char *path, char hint[SERIAL_HINT_SIZE])
+void serial_explain(const char *path, char hint[SERIAL_HINT_SIZE])
 {
 	struct stat status;
 	char name[NAME_SIZE];
 
-	if (!is_denied(path) || !look_at(path, &status))
-		return false;
+	if (!look_at(path, &status))
+		return;
 	name_group(status.st_gid, name);
 	if ((status.st_mode & GROUP_MODE) != GROUP_MODE)
 		snprintf(hint, SERIAL_HINT_SIZE, "its group, %s, may not read and write it (mode %04o)", name,
@@ -108,5 +98,4 @@ bool serial_explain(const char *path, char hint[SERIAL_HINT_SIZE])
 	else
 		snprintf(hint, SERIAL_HINT_SIZE,
 			 "its group is %s; join it: sudo usermod -aG %s $USER, and log in again", name, name);
-	return true;
 }

@@ -15,7 +15,7 @@
 
 static const struct serial_settings even_line = {.baud = 19200, .stop_bits = 1, .parity = SERIAL_PARITY_EVEN};
 
-static char path[64];
+static char path[64], hint[SERIAL_HINT_SIZE];
 static int master = -1;
 
 static int open_master(void **state)
@@ -35,7 +35,7 @@ static int close_master(void **state)
 static int open_line(char *error)
 {
 	bool carries_parity = true;
-	int fd = serial_open(path, &even_line, &carries_parity, error);
+	int fd = serial_open(path, &even_line, &carries_parity, error, hint);
 
 	if (fd >= 0)
 		assert_false(carries_parity);
@@ -99,11 +99,11 @@ static void test_what_is_no_port_is_refused(void **state)
 	char error[SERIAL_ERROR_SIZE];
 	bool carries_parity;
 
-	assert_int_equal(serial_open("/nowhere/ttyS1", &even_line, &carries_parity, error), -1);
+	assert_int_equal(serial_open("/nowhere/ttyS1", &even_line, &carries_parity, error, hint), -1);
 	assert_string_equal(error, "cannot be opened: No such file or directory");
 	char file[] = "/tmp/test_serial.XXXXXX";
 	int fd = mkstemp(file);
-	assert_int_equal(serial_open(file, &even_line, &carries_parity, error), -1);
+	assert_int_equal(serial_open(file, &even_line, &carries_parity, error, hint), -1);
 	assert_non_null(strstr(error, "is not a serial port"));
 	close(fd);
 	unlink(file);
@@ -116,7 +116,7 @@ static void test_a_pseudo_terminal_has_no_rs485_mode(void **state)
 	char error[SERIAL_ERROR_SIZE];
 	bool carries_parity;
 
-	assert_int_equal(serial_open(path, &line, &carries_parity, error), -1);
+	assert_int_equal(serial_open(path, &line, &carries_parity, error, hint), -1);
 	assert_non_null(strstr(error, "has no RS-485 mode"));
 }
 

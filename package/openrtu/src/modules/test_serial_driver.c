@@ -106,9 +106,9 @@ static int set_up(void **state)
 /* What serial_open says; empty: it is open. */
 static const char *opened(const struct serial_settings *line)
 {
-	static char error[SERIAL_ERROR_SIZE];
+	static char error[SERIAL_ERROR_SIZE], hint[SERIAL_HINT_SIZE];
 	bool carries_parity = false;
-	int fd = serial_open(path, line, &carries_parity, error);
+	int fd = serial_open(path, line, &carries_parity, error, hint);
 
 	if (fd < 0)
 		return error;

@@ -78,16 +78,15 @@ static void open_serial(struct source *source, int64_t now_ns)
 {
 	const struct serial_settings line = {.baud = source->settings->baud, .stop_bits = STOP_BITS};
 	char error[SERIAL_ERROR_SIZE], hint[SERIAL_HINT_SIZE];
-	bool carries_parity, explain;
+	bool carries_parity, failing = source->failing;
 
-	source->fd = serial_open(source->path, &line, &carries_parity, error);
+	source->fd = serial_open(source->path, &line, &carries_parity, error, hint);
 	if (source->fd >= 0) {
 		note_open(source);
 		return;
 	}
-	explain = !source->failing && serial_explain(source->path, hint);
 	lose(source, error, now_ns);
-	if (explain)
+	if (!failing && hint[0] != '\0')
 		map_log(source->map, MAP_LOG_ERROR, "%s: %s", source->settings->name, hint);
 }
 

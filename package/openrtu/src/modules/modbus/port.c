@@ -47,12 +47,15 @@ static void close_port(struct port *port)
 }
 
 /* Said once, until the port is open again. */
-static void retry_port(struct port *port, const char *error, int64_t after_ns, int64_t now_ns)
+static void retry_port(struct port *port, const char *error, const char *hint, int64_t after_ns,
+		       int64_t now_ns)
 {
 	count_port_error(port);
 	if (!port->failing)
 		map_log(port->map, MAP_LOG_ERROR, "port %u: %s %s; trying again %s", port->config->port,
 			port->path, error, after_ns == REOPEN_NS ? "each second" : "every few seconds");
+	if (!port->failing && hint[0] != '\0')
+		map_log(port->map, MAP_LOG_ERROR, "port %u: %s", port->config->port, hint);
 	port->failing = true;
 	port->deadline_ns = now_ns + after_ns;
 }
@@ -132,14 +135,11 @@ static void open_serial(struct port *port, int64_t now_ns)
 	const struct serial_settings settings = serial_settings_of(port->config);
 	struct map *map = port->map;
 	char error[SERIAL_ERROR_SIZE], hint[SERIAL_HINT_SIZE];
-	bool carries_parity, explain;
+	bool carries_parity;
 
-	port->fd = serial_open(port->path, &settings, &carries_parity, error);
+	port->fd = serial_open(port->path, &settings, &carries_parity, error, hint);
 	if (port->fd < 0 || !wait_for_port(port, EPOLLIN, error)) {
-		explain = !port->failing && serial_explain(port->path, hint);
-		retry_port(port, error, REOPEN_NS, now_ns);
-		if (explain)
-			map_log(map, MAP_LOG_ERROR, "port %u: %s", port->config->port, hint);
+		retry_port(port, error, hint, REOPEN_NS, now_ns);
 		return;
 	}
 	if (!carries_parity && port->config->parity != MODBUS_PARITY_NONE && !port->pty_logged) {
@@ -176,7 +176,7 @@ static void begin_connection(struct port *port, int64_t now_ns)
 	_Static_assert(TCP_ERROR_SIZE == SERIAL_ERROR_SIZE, "both are a port's");
 	port->fd = tcp_connect(port->config->device, port->config->tcp_port, error);
 	if (port->fd < 0 || !wait_for_port(port, EPOLLOUT, error)) {
-		retry_port(port, error, REOPEN_NS, now_ns);
+		retry_port(port, error, "", REOPEN_NS, now_ns);
 		return;
 	}
 	port->deadline_ns = port->connected_by_ns = now_ns + CONNECT_NS;
@@ -193,11 +193,11 @@ static void end_connecting(struct port *port, int64_t now_ns)
 		if (now_ns < port->connected_by_ns)
 			return;
 		close_port(port);
-		retry_port(port, "does not answer", RECONNECT_NS, now_ns);
+		retry_port(port, "does not answer", "", RECONNECT_NS, now_ns);
 		return;
 	case TCP_FAILED:
 		close_port(port);
-		retry_port(port, error, REOPEN_NS, now_ns);
+		retry_port(port, error, "", REOPEN_NS, now_ns);
 		return;
 	case TCP_CONNECTED:
 		break;
