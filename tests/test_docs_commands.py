@@ -143,3 +143,49 @@ def test_an_empty_file_becomes_a_tested_interlock(programs: Path, folder: Path) 
         check=False,
     )
     assert done.stdout == wanted
+
+
+# ---- the first device, word for word -----------------------------------------------------------------
+
+FIRST = "docs/first-device.md"
+
+
+def without_ages(text: str) -> list[list[str]]:
+    """The words of each line; the age of a value is that of the moment."""
+    return [re.sub(r"\d+(\.\d+)? (ms|s)\b", "AGE", line).split() for line in text.splitlines()]
+
+
+def test_a_first_device_is_seen_as_its_page_says(programs: Path, linesim_program: Path, folder: Path) -> None:
+    """With the simulated meter: files are saved, commands typed, and what they print is shown."""
+    page = (ROOT / FIRST).read_text()
+    example, values = re.findall(r"as `[\w.-]+`:\n\n```json\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
+    assert example == (ROOT / "docs/examples/first-device.json").read_text()
+    begin, check, simulate = re.findall(r"^```sh\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
+    assert "build/native/rtud:$PWD/build/native/rtuctl:$PWD/build/linesim:" in begin
+    by_hand = re.findall(r"^\$ (.*)$", page, re.MULTILINE)
+    start, look = by_hand[-2:]
+    assert start.replace("--map map", "--map map --dev dev") + " &" in simulate  # but for the device
+    good, points = re.findall(r"^```text\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
+    (folder / "first-device.json").write_text(example.replace("2404", str(free_port())))
+    (folder / "values.json").write_text(values)
+    is_read = f"until {look} 2>&1 | grep -q power.*good; do sleep 0.1; done"
+    script = [
+        "set -e",
+        check,
+        "{",  # whatever these say, it is not what the page shows
+        simulate.replace("$OPENRTU/build/native", str(programs)),
+        "} > log 2>&1",
+        "trap 'kill %1 %2; wait' EXIT",
+        f"timeout {PATIENCE_S} sh -c '{is_read}'",
+        look,
+    ]
+    path = f"{programs}/rtud:{programs}/rtuctl:{linesim_program.parent}:{os.environ['PATH']}"
+    done = subprocess.run(
+        ["bash", "-c", "\n".join(script)],
+        cwd=folder,
+        env=os.environ | {"PATH": path},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert without_ages(done.stdout) == without_ages(good + points), done.stderr
