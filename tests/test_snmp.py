@@ -6,6 +6,7 @@ import os
 import re
 import struct
 import subprocess
+import textwrap
 import time
 import urllib.error
 import urllib.request
@@ -51,6 +52,35 @@ def test_the_mib_is_sound(mibs: Path) -> None:
     for name, number in columns().items():
         found = subprocess.run([*command, f"OPENRTU-MIB::{name}"], capture_output=True, text=True).stdout
         assert found.strip() == f".{number}"
+
+
+@pytest.mark.slow
+def test_the_page_asks_with_names(site: Site, mibs: Path, tmp_path: Path) -> None:
+    """Step 3 of docs/snmp.md as it stands there, but for the download, the pass phrases and the address."""
+    page = (ROOT / "docs/snmp.md").read_text()
+    step = page[page.index("3. Ask.") : page.index("If nothing answers")]
+    (block,) = re.findall(r"^   ```sh\n(.*?)^   ```$", step, re.DOTALL | re.MULTILINE)
+    download, script = textwrap.dedent(block).split("\n", 1)
+    assert download == "apt-get download erlang-snmp && dpkg-deb --extract erlang-snmp_*.deb ietf"
+    assert mibs.parts[-6:-2] == ("usr", "lib", "erlang", "lib")
+    (tmp_path / "ietf").symlink_to(mibs.parents[5])
+    for shown, ours in (
+        ("-u graphs", f"-u {WATCH.name}"),
+        ("-A '…'", f"-A '{WATCH.authentication}'"),
+        ("-X '…'", f"-X '{WATCH.encryption}'"),
+        ("192.0.2.10", f"127.0.0.1:{site.port}"),
+        ("/usr/local/share/snmp/mibs", str(ROOT / "package/openrtu/src/snmp")),
+    ):
+        assert script.count(shown) == 1
+        script = script.replace(shown, ours)
+    env = os.environ | {
+        "SNMP_PERSISTENT_DIR": str(tmp_path / "kept")
+    }  # of net-snmp, which says that it makes it
+    (tmp_path / "kept" / "cert_indexes").mkdir(parents=True)
+    said = subprocess.run(["bash", "-c", script], cwd=tmp_path, env=env, capture_output=True, text=True)
+    assert (said.returncode, said.stderr) == (0, "")
+    answered = re.findall(r"^OPENRTU-MIB::rtuMeasuredFloat\.\S+ = ", said.stdout, re.MULTILINE)
+    assert len(answered) == len(site.manager(WATCH).rows("snmpbulkwalk", oid("rtuMeasuredFloat")))
 
 
 @pytest.mark.slow
