@@ -43,6 +43,11 @@ ALL = f"{C} fuzzers test-sanitizers {' '.join(TARGETS.values())}"
 REACH = [
     # pages: who reads them
     ("docs/configuration.md", "tests/test_config.py"),
+    ("docs/first-device.md", "tests/test_docs_commands.py"),
+    (
+        "docs/examples/first-device.json",
+        "tests/test_config.py tests/test_points.py tests/test_docs_commands.py",
+    ),
     ("docs/limit.md", "tests/test_config.py"),
     ("docs/interoperability.md", "tests/test_interoperability.py"),
     ("docs/faults.md", "tests/test_line_faults.py"),
