@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from desk import everything_read
-from lab.manager import Silent
+from lab.manager import SINK_ENGINE, Silent
 from snmp import (
     ACCEPTED,
     BREAKER,
@@ -101,6 +101,29 @@ def test_a_damaged_number_of_boots_keeps_the_agent_down(site: Site, left: bytes)
     file.write_bytes(whole)
     gateway.wait_for(lambda: gateway.modules()["rtu-snmp"]["alive"], 60.0, "it runs again")
     assert site.manager().get("1.3.6.1.6.3.10.2.1.2.0") == [int(whole) + 1]
+
+
+def begin_with(site: Site, boots: int) -> None:
+    """The receiver of informs starts again, with another number of its boots."""
+    site.received.stop()
+    file = site.received.log.parent / "receiver.conf"
+    words = ("oldEngineID", "engineBoots")
+    kept = [line for line in file.read_text().splitlines() if not line.startswith(words)]
+    kept += [f"oldEngineID 0x{SINK_ENGINE}", f"engineBoots {boots}"]
+    file.write_text("\n".join(kept) + "\n")
+    site.received.start()
+
+
+def test_a_receiver_that_lost_its_boots_is_discovered_anew(site: Site) -> None:
+    """RFC 3414, 3.2, 7 b lets its reports be refused for ever; the log says what is seen."""
+    for boots, value in ((40, 0), (1, 1)):
+        begin_with(site, boots)
+        before = site.last()
+        site.desk.set_and_scan("1.10", "discrete_inputs", 4, [value])
+        site.desk.set_and_scan("1.10", "discrete_inputs", 4, [1 - value])
+        site.received.wait_for("rtuPointChanged", 1, before)
+    line = "the sink nms answers with other boots or another time than it had: it is discovered anew"
+    assert line in site.desk.gateway.ctl("log")
 
 
 @pytest.mark.slow

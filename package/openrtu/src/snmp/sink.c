@@ -118,7 +118,7 @@ void snmp_sink_answered(struct snmp_agent *agent, uint32_t sink, struct snmp_fli
 }
 
 /* All that was under way is sent anew once the sink answers again. */
-static void fall_silent(struct snmp_agent *agent, uint32_t sink)
+static void fall_silent(struct snmp_agent *agent, uint32_t sink, const char *reason)
 {
 	struct snmp_sink_run *run = &agent->sinks[sink];
 
@@ -128,11 +128,13 @@ static void fall_silent(struct snmp_agent *agent, uint32_t sink)
 	run->silent = true;
 	run->probe_ns = agent->now_ns + PROBE_NS;
 	map_count(&agent->shared->counters[SNMP_COUNT_SILENT], 1);
-	map_log(agent->map, MAP_LOG_WARNING, "the sink %s answers no inform",
-		agent->settings->sinks[sink].name);
+	map_log(agent->map, MAP_LOG_WARNING, "the sink %s answers no inform%s%s",
+		agent->settings->sinks[sink].name,
+		reason == NULL ? "" : ", but a report: ", reason == NULL ? "" : reason);
 }
 
-void snmp_sink_unanswered(struct snmp_agent *agent, uint32_t sink, struct snmp_flight *flight, int64_t due_ns)
+void snmp_sink_unanswered(struct snmp_agent *agent, uint32_t sink, struct snmp_flight *flight, int64_t due_ns,
+			  const char *reason)
 {
 	if (flight == NULL) {
 		agent->sinks[sink].probing = false;
@@ -141,7 +143,7 @@ void snmp_sink_unanswered(struct snmp_agent *agent, uint32_t sink, struct snmp_f
 	if (!flight->used || flight->answered)
 		return;
 	if (flight->tries > agent->settings->sinks[sink].retries)
-		fall_silent(agent, sink);
+		fall_silent(agent, sink, reason);
 	else
 		flight->due_ns = due_ns;
 }

@@ -38,10 +38,10 @@ enum snmp_sending snmp_sink_next(struct snmp_agent *agent, uint32_t sink, struct
 /* Events were sent, up to this one. */
 void snmp_sink_sent(struct snmp_agent *agent, uint32_t sink, struct snmp_flight *flight, uint32_t last);
 void snmp_sink_probed(struct snmp_agent *agent, uint32_t sink);
-/* An inform was answered, or was not in time and is sent again then. flight NULL: the probe. */
+/* An inform was answered, or was not in time and is sent again then. flight NULL: the probe. reason: of a report; NULL: none came. */
 void snmp_sink_answered(struct snmp_agent *agent, uint32_t sink, struct snmp_flight *flight);
-void snmp_sink_unanswered(struct snmp_agent *agent, uint32_t sink, struct snmp_flight *flight,
-			  int64_t due_ns);
+void snmp_sink_unanswered(struct snmp_agent *agent, uint32_t sink, struct snmp_flight *flight, int64_t due_ns,
+			  const char *reason);
 /* Whether something waits to be sent, or for its answer. */
 bool snmp_sink_is_busy(const struct snmp_agent *agent, uint32_t sink);
 void snmp_sinks_begin(struct snmp_agent *agent);

@@ -240,10 +240,10 @@ static void test_a_silent_sink_is_probed_and_loses_nothing(void **state)
 	start_agent(&fixture);
 	add_events(&fixture, 1);
 	flight = send_one(&fixture);
-	snmp_sink_unanswered(&fixture.agent, 0, flight, fixture.agent.now_ns);
+	snmp_sink_unanswered(&fixture.agent, 0, flight, fixture.agent.now_ns, NULL);
 	assert_ptr_equal(send_one(&fixture), flight); /* its retry */
 	assert_int_equal(flight->tries, 2);
-	snmp_sink_unanswered(&fixture.agent, 0, flight, fixture.agent.now_ns);
+	snmp_sink_unanswered(&fixture.agent, 0, flight, fixture.agent.now_ns, NULL);
 	assert_true(fixture.agent.sinks[0].silent);
 	add_events(&fixture, 5);
 	assert_int_equal(snmp_sink_next(&fixture.agent, 0, &flight), SNMP_SEND_NOTHING);
@@ -253,7 +253,7 @@ static void test_a_silent_sink_is_probed_and_loses_nothing(void **state)
 		snmp_sink_probed(&fixture.agent, 0);
 		assert_int_equal(snmp_sink_next(&fixture.agent, 0, &flight), SNMP_SEND_NOTHING);
 		if (minute < 2)
-			snmp_sink_unanswered(&fixture.agent, 0, NULL, fixture.agent.now_ns);
+			snmp_sink_unanswered(&fixture.agent, 0, NULL, fixture.agent.now_ns, NULL);
 	}
 	snmp_sink_answered(&fixture.agent, 0, NULL);
 	for (uint32_t number = 1; number <= 8; number++) { /* coldStart and rtuStarted are first */
@@ -274,11 +274,11 @@ static void run_unanswered(struct fixture *fixture)
 
 	while ((what = snmp_sink_next(&fixture->agent, 0, &flight)) == SNMP_SEND_EVENTS) {
 		snmp_sink_sent(&fixture->agent, 0, flight, flight->first);
-		snmp_sink_unanswered(&fixture->agent, 0, flight, fixture->agent.now_ns + NS_PER_S);
+		snmp_sink_unanswered(&fixture->agent, 0, flight, fixture->agent.now_ns + NS_PER_S, NULL);
 	}
 	if (what == SNMP_SEND_PROBE) {
 		snmp_sink_probed(&fixture->agent, 0);
-		snmp_sink_unanswered(&fixture->agent, 0, NULL, 0);
+		snmp_sink_unanswered(&fixture->agent, 0, NULL, 0, NULL);
 	}
 }
 

@@ -310,6 +310,36 @@ static void add_probe(struct note *note, uint32_t sink)
 
 /* ---- sending ----------------------------------------------------------------------------- */
 
+/* Why a sink sends a report. NULL: it does not say. */
+static const char *reason_of(netsnmp_pdu *pdu)
+{
+	switch (snmpv3_get_report_type(pdu)) {
+	case SNMPERR_UNKNOWN_ENG_ID:
+		return "usmStatsUnknownEngineIDs";
+	case SNMPERR_UNKNOWN_USER_NAME:
+		return "usmStatsUnknownUserNames";
+	case SNMPERR_UNSUPPORTED_SEC_LEVEL:
+		return "usmStatsUnsupportedSecLevels";
+	case SNMPERR_AUTHENTICATION_FAILURE:
+		return "usmStatsWrongDigests";
+	case SNMPERR_NOT_IN_TIME_WINDOW:
+		return "usmStatsNotInTimeWindows";
+	case SNMPERR_DECRYPTION_ERR:
+		return "usmStatsDecryptionErrors";
+	default:
+		return NULL;
+	}
+}
+
+static void time_out(struct snmp_agent *agent, uint32_t sink)
+{
+	if (wire_discovers_anew(wires[sink]))
+		map_log(
+		    agent->map, MAP_LOG_WARNING,
+		    "the sink %s answers with other boots or another time than it had: it is discovered anew",
+		    agent->settings->sinks[sink].name);
+}
+
 static int take_answer(int operation, netsnmp_session *session, int request, netsnmp_pdu *pdu, void *magic)
 {
 	const struct ticket *ticket = magic;
@@ -319,9 +349,12 @@ static int take_answer(int operation, netsnmp_session *session, int request, net
 	if (operation == NETSNMP_CALLBACK_OP_RECEIVED_MESSAGE && pdu->command == SNMP_MSG_RESPONSE)
 		snmp_sink_answered(agent, ticket->sink, ticket->flight);
 	else if (operation == NETSNMP_CALLBACK_OP_RECEIVED_MESSAGE)
-		snmp_sink_unanswered(agent, ticket->sink, ticket->flight, agent->now_ns + REFUSED_AGAIN);
-	else if (operation == NETSNMP_CALLBACK_OP_TIMED_OUT || operation == NETSNMP_CALLBACK_OP_SEND_FAILED)
-		snmp_sink_unanswered(agent, ticket->sink, ticket->flight, agent->now_ns);
+		snmp_sink_unanswered(agent, ticket->sink, ticket->flight, agent->now_ns + REFUSED_AGAIN,
+				     pdu->command == SNMP_MSG_REPORT ? reason_of(pdu) : NULL);
+	else if (operation == NETSNMP_CALLBACK_OP_TIMED_OUT || operation == NETSNMP_CALLBACK_OP_SEND_FAILED) {
+		time_out(agent, ticket->sink);
+		snmp_sink_unanswered(agent, ticket->sink, ticket->flight, agent->now_ns, NULL);
+	}
 	return 1;
 }
 
@@ -384,7 +417,7 @@ static bool send_next(struct snmp_agent *agent, uint32_t sink)
 		snmp_sink_sent(agent, sink, flight, last);
 	}
 	if (!post(&note, sink, ticket_of(sink, flight), tries))
-		snmp_sink_unanswered(agent, sink, flight, agent->now_ns + REFUSED_AGAIN);
+		snmp_sink_unanswered(agent, sink, flight, agent->now_ns + REFUSED_AGAIN, NULL);
 	return true;
 }
 

@@ -18,6 +18,8 @@ struct wire {
 	void *context;
 	struct sockaddr_storage peer; /* of a sink */
 	socklen_t peer_size;
+	const struct snmp_engine_id *authority; /* of an inform: the sink's */
+	bool refused;                           /* something of the sink's was */
 };
 
 /* ---- transport --------------------------------------------------------------------------- */
@@ -166,6 +168,15 @@ static int count_damaged(netsnmp_session *session, netsnmp_pdu *pdu, int error)
 	return 1; /* it is the library's to refuse it */
 }
 
+static int note_refused(netsnmp_session *session, netsnmp_pdu *pdu, int error)
+{
+	struct wire *wire = session->callback_magic;
+
+	(void)pdu;
+	wire->refused |= error != 0;
+	return 1;
+}
+
 static struct wire *make(struct snmp_agent *agent, int fd)
 {
 	struct wire *wire = calloc(1, sizeof(*wire));
@@ -242,7 +253,9 @@ struct wire *wire_to_sink(struct snmp_agent *agent, const struct snmp_keyring *r
 	session.contextEngineID = (u_char *)(uintptr_t)ring->engine.octets;
 	session.contextEngineIDLen = ring->engine.size;
 	session.isAuthoritative = sink->inform ? SNMP_SESS_NONAUTHORITATIVE : SNMP_SESS_AUTHORITATIVE;
-	wire->session = snmp_sess_add(&session, &wire->transport, NULL, NULL);
+	session.callback_magic = wire;
+	wire->authority = sink->inform ? engine : NULL;
+	wire->session = snmp_sess_add(&session, &wire->transport, NULL, note_refused);
 	return wire->session == NULL ? NULL : wire;
 }
 
@@ -265,6 +278,21 @@ void wire_read(struct wire *wire, unsigned most)
 void wire_expire(struct wire *wire)
 {
 	snmp_sess_timeout(wire->session);
+}
+
+bool wire_discovers_anew(struct wire *wire)
+{
+	const struct snmp_engine_id *engine = wire->authority;
+	const bool again = engine != NULL && wire->refused;
+	u_int boots = 0, seconds = 0;
+
+	wire->refused = false;
+	if (!again ||
+	    get_enginetime(engine->octets, engine->size, &boots, &seconds, FALSE) != SNMPERR_SUCCESS ||
+	    boots == 0)
+		return false;
+	set_enginetime(engine->octets, engine->size, 0, 0, TRUE);
+	return true;
 }
 
 void *wire_session(struct wire *wire)

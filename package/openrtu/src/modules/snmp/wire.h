@@ -30,6 +30,11 @@ struct wire *wire_to_sink(struct snmp_agent *agent, const struct snmp_keyring *r
 void wire_read(struct wire *wire, unsigned most);
 /* Ends what waits for too long. */
 void wire_expire(struct wire *wire);
+/*
+ * Forgets the boots and the time of a sink that was heard, and only what was not in its time: its next report says which they are. A
+ * sink that has lost its boots is refused for ever otherwise (RFC 3414, 3.2, 7 b). False: nothing of it was refused.
+ */
+bool wire_discovers_anew(struct wire *wire);
 void *wire_session(struct wire *wire);
 int wire_fd(const struct wire *wire);
 
