@@ -165,7 +165,7 @@ MAN = build/man
 
 $(INSTALLED)/build.ninja: $(BUILD_OPTIONS) | $(PACKAGES) build/packages-man.done
 	$(LOGGED) $(notdir $(@D))-setup $(SETUP) --prefix=$(PREFIX) --sysconfdir=/etc -Dtests=disabled -Dtls=true -Dsnmp=true -Dweb=true -Dman=true \
-	  -Dsystemd=true
+	  -Dsystemd=true -Ddesk=true
 
 install: $(INSTALLED)/build.ninja ## Build: install the gateway on this machine (PREFIX=/usr/local, DESTDIR=)
 	$(LOGGED) installed ninja -C $(INSTALLED)

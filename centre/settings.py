@@ -6,8 +6,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import os
-import shutil
 import subprocess
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,6 +16,7 @@ import jsonschema
 from openrtu_tools.centre.areas import Area
 from openrtu_tools.centre.errors import CentreError
 from openrtu_tools.centre.records import Content
+from openrtu_tools.programs import command
 
 Json = dict[str, Any]
 
@@ -474,12 +473,8 @@ def read_points(path: Path) -> dict[tuple[int, int], Meaning]:
 
 
 def _listed(path: Path) -> str:
-    program = os.environ.get("OPENRTU_RTUD") or shutil.which("rtud")
-    if not program:
-        raise CentreError(
-            f"{path}: rtud lists its points, and is not on PATH: install the gateway, or set OPENRTU_RTUD"
-        )
-    done = subprocess.run([program, "--points", path, "--csv"], capture_output=True, text=True, check=False)
+    lists = [*command("rtud", "rtud"), "--points", path, "--csv"]
+    done = subprocess.run(lists, capture_output=True, text=True, check=False)
     if done.returncode:
         raise CentreError(f"{path}: rtud --points says: {done.stderr.strip()}")
     return done.stdout

@@ -33,6 +33,7 @@ MODULES = {
     "rtu-synch",
     "rtu-web",
 }
+DESK = {"logic-desk", "journal-events"}
 TEMPLATES = {"relay.json", "sdm630.json", "sunspec.json"}
 PAGES = {"rtuctl.1", "rtu-centre.1", "rtud.8", *(f"{name}.8" for name in MODULES)}
 TOOLS_PAGES = {"openrtu.1", "nuc980-pins.1", "nuc980-netboot.1"}
@@ -105,7 +106,7 @@ def test_install_puts_everything_in_its_place(installed: Path) -> None:
         "usr/local/sbin/rtud",
         "usr/local/include/openrtu.h",
         *(f"{LIBRARIES}/{name}" for name in LIBRARY),
-        *(f"usr/local/libexec/openrtu/{name}" for name in MODULES),
+        *(f"usr/local/libexec/openrtu/{name}" for name in MODULES | DESK),
         *(f"usr/local/share/openrtu/templates/{name}" for name in TEMPLATES),
         *(f"usr/local/share/man/man{page[-1]}/{page}" for page in PAGES),
         "usr/local/share/openrtu/wireshark/asdu201.lua",

@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 from openrtu_tools.cli import main
-from openrtu_tools.logic import recorded
 
 SINGLE, DOUBLE, NORMALIZED, SCALED, FLOAT = 0, 1, 4, 5, 6  # enum map_type
 CA = 7000
@@ -37,7 +36,7 @@ POINTS = [("tank/level", 1, "float"), ("q0", 2, "double"), ("door", 3, "single")
 def desk(programs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if "OPENRTU_LOGIC_DESK" not in os.environ:
         monkeypatch.setenv("OPENRTU_LOGIC_DESK", shlex.quote(str(programs / "logic/logic-desk")))
-    monkeypatch.setattr(recorded, "EVENTS", programs / "journal/journal-events")
+    monkeypatch.setenv("OPENRTU_JOURNAL_EVENTS", str(programs / "journal/journal-events"))
 
 
 @pytest.fixture

@@ -7,11 +7,19 @@ from pathlib import Path
 CLONE = Path(__file__).resolve().parents[2]
 
 
+def in_clone() -> bool:
+    """Whether this runs in the tree, and not as pip has installed it."""
+    return (CLONE / "pyproject.toml").is_file()
+
+
 def what_to_type(error: ModuleNotFoundError, extra: str) -> str:
     """One line. Raises the error again where no extra brings the module: that is a fault of ours."""
     if not error.name or not extra:
         raise error
+    package = error.name.partition(".")[0]
     command = f"{sys.executable} -m pip install 'openrtu-tools[{extra}]'"
-    if (CLONE / "pyproject.toml").is_file():
+    if package == "openrtu":  # for modules; it goes with the gateway's library
+        command = "apt install python3-openrtu, or install its wheel (docs/writing-a-module.md)"
+    elif in_clone():
         command = f"make -C {CLONE} tools"
-    return f"the Python package {error.name.partition('.')[0]} is missing; type: {command}"
+    return f"the Python package {package} is missing; type: {command}"

@@ -3,21 +3,17 @@
 
 from __future__ import annotations
 
-import os
-import shlex
 import subprocess
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from types import TracebackType
 
 from openrtu_tools.logic.binary import Program, encode
 from openrtu_tools.logic.errors import LogicError
 from openrtu_tools.logic.types import pack, unpack
+from openrtu_tools.programs import command
 
-ROOT = Path(__file__).resolve().parents[3]
-BUILT = ROOT / "build/native/logic/logic-desk"
 FAULTS = (
     "division by zero",
     "out of its type's range",
@@ -55,17 +51,7 @@ class Scan:
 
 
 def desk_command() -> list[str]:
-    """OPENRTU_LOGIC_DESK names another machine, in a shell's words: `qemu-arm -L … logic-desk`."""
-    if words := shlex.split(os.environ.get("OPENRTU_LOGIC_DESK", "")):
-        return words
-    return [built(BUILT, "logic-desk, the virtual machine,")]
-
-
-def built(program: Path, what: str) -> str:
-    """The path of a program of the desk."""
-    if not program.exists():
-        raise LogicError(f"{what} is not built: type `make build`, or set OPENRTU_LOGIC_DESK")
-    return str(program)
+    return command("logic-desk", "logic")
 
 
 def says(program: Program) -> bool:

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from openrtu_tools.logic.binary import Point, Program
-from openrtu_tools.logic.desk import INVALID, ROOT, Value, built
+from openrtu_tools.logic.desk import INVALID, Value
 from openrtu_tools.logic.errors import LogicError
 from openrtu_tools.logic.table import START_US, US, Row
 from openrtu_tools.logic.types import RANGES, REAL_MAX, REALS
+from openrtu_tools.programs import command
 
-EVENTS = ROOT / "build/native/journal/journal-events"
 MAGIC = b"ORJ1"  # of a journal: journal/record.c
 NS_PER_US = 1000
 NORMALIZED_ONE = 32768.0  # IEC 60870-5-101, 7.2.6.6
@@ -59,7 +59,7 @@ def read_journal(path: Path, program: Program, points: Path | None, aliases: dic
     """Time 0 is the first event; the clock says what it said then."""
     inputs = addressed(points, program, aliases)
     done = subprocess.run(
-        [built(EVENTS, "journal-events"), str(path)], capture_output=True, text=True, check=False
+        [*command("journal-events", "journal"), str(path)], capture_output=True, text=True, check=False
     )
     if done.returncode != 0:
         raise LogicError(done.stderr.strip() or f"{path} is no journal: expected rtu-journal's file `events`")
