@@ -8,7 +8,7 @@ SHELL := bash
 MAKEFLAGS += --no-print-directory
 # Containers set it to stay small. Here each of some thousand starts of Python would compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
-.PHONY: help setup tools build centre centre-page install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot image-offline source unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom cves legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-debug-kernel test-offline test-sanitizers test-native test-user test-changed test busy soak lab run run-native twin bench bench-polls bench-map clean netboot distclean
+.PHONY: help setup tools build centre centre-page wheels install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot image-offline source unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom cves legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-debug-kernel test-offline test-sanitizers test-native test-user test-changed test busy soak lab run run-native twin bench bench-polls bench-map clean netboot distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -154,6 +154,20 @@ build/centre/npm.done: centre/page/package.json centre/page/package-lock.json
 	@mkdir -p $(@D) && cp $^ $(@D)
 	$(LOGGED) npm npm --prefix $(@D) ci --ignore-scripts --no-audit --no-fund
 	@touch $@
+
+# ---- the tools -------------------------------------------------------------------------------------
+
+WHEELS := build/wheels
+# setuptools would take what an earlier build has left.
+LEFT := build/python package/openrtu/python/build
+# What dates the files in a wheel: the last commit, or in a tree without git the change log.
+DATED = $(shell git -c safe.directory="*" log -1 --format=%ct 2> /dev/null || date --reference=CHANGELOG.md +%s)
+
+wheels: centre-page .venv/python-wheels.done ## Build: openrtu-tools and the modules' library openrtu, for pip, in build/wheels
+	rm -rf $(WHEELS) $(LEFT)
+	$(LOGGED) wheels env SOURCE_DATE_EPOCH=$(DATED) $(PYTHON) -m pip wheel --disable-pip-version-check --no-build-isolation \
+	  --no-deps --wheel-dir $(WHEELS) . ./package/openrtu/python
+	rm -rf $(LEFT)
 
 # ---- on a Linux machine --------------------------------------------------------------------------
 

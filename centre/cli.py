@@ -8,17 +8,18 @@ from pathlib import Path
 
 from openrtu_tools.centre.roles import ROLES
 
-PAGE = Path(__file__).resolve().parent.parent / "build" / "centre" / "page"
+PAGE = Path(__file__).resolve().parent / "built"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "file", type=Path, help="the centre's file: stations, and what the centre knows of them"
     )
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="COMMAND")
     serving = verbs.add_parser("serve", help="store, serve and command")
-    serving.add_argument("--page", type=Path, default=PAGE, help="the built page [build/centre/page]")
-    verbs.add_parser("collector", help="print the file for rtu-centre")
+    serving.add_argument("--page", type=Path, default=PAGE, help="the built page [its own]")
+    collector = verbs.add_parser("collector", help="print the file for rtu-centre")
+    collector.add_argument("--start", action="store_true", help="start rtu-centre with it instead")
     user = verbs.add_parser("user", help="add a user, or give a new role and password")
     user.add_argument("name")
     user.add_argument("--role", choices=ROLES, default="viewer")

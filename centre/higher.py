@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,8 +13,10 @@ from openrtu_tools.centre.errors import CentreError
 from openrtu_tools.centre.model import Json
 from openrtu_tools.centre.records import Content
 from openrtu_tools.centre.settings import Meaning, Settings, StationSettings
+from openrtu_tools.missing import in_clone
 
-PROGRAM = Path(__file__).resolve().parent / "run-station"
+HERE = Path(__file__).resolve().parent
+PROGRAM = HERE / "run-station" if in_clone() else Path(sys.executable).parent / "openrtu-centre-station"
 MODULE = "centre"  # and of another common address than that of all, centre-CA
 PERIOD_MS = 100
 MEMORY_MB = 512  # of addresses; a Python with its libraries maps what it never touches

@@ -8,9 +8,11 @@ import asyncio
 import getpass
 import json
 import logging
+import os
 import signal
 import sys
 from pathlib import Path
+from typing import NoReturn
 
 from aiohttp import web
 
@@ -22,6 +24,9 @@ from openrtu_tools.centre.database import open_store
 from openrtu_tools.centre.errors import CentreError
 from openrtu_tools.centre.push import Pusher
 from openrtu_tools.centre.web import Server
+from openrtu_tools.programs import command
+
+log = logging.getLogger("centre")
 
 
 async def serve(what: settings.Settings, page: Path) -> None:
@@ -40,9 +45,9 @@ async def serve(what: settings.Settings, page: Path) -> None:
             ).start()
         except OSError as error:
             raise CentreError(f"{what.address} port {what.port}: {error.strerror}") from error
-        logging.getLogger("centre").info(
-            "serves http%s://%s:%s", "s" if secured else "", what.address, what.port
-        )
+        log.info("serves http%s://%s:%s", "s" if secured else "", what.address, what.port)
+        if not (page / "index.html").is_file():
+            log.warning("the page is not built, programs alone are served: `make centre-page` builds it")
         working = [asyncio.create_task(centre.keep())]
         if what.tls and secured:
             working.append(asyncio.create_task(renew(what.tls, secured)))
@@ -95,6 +100,19 @@ def give_station(what: settings.Settings) -> None:
     print(json.dumps(configuration, indent=1))
 
 
+def collector(what: settings.Settings) -> str:
+    """The file for rtu-centre."""
+    return json.dumps({**what.collector, "socket": str(what.socket)}, indent=1)
+
+
+def start_collector(what: settings.Settings) -> NoReturn:
+    """Becomes rtu-centre."""
+    file = what.socket.with_name("rtu-centre.json")
+    file.write_text(f"{collector(what)}\n")
+    words = [*command("rtu-centre", "centre"), str(file)]
+    os.execvp(words[0], words)
+
+
 def run(parsed: argparse.Namespace) -> int:
     """What `openrtu centre` was asked for."""
     logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
@@ -107,6 +125,8 @@ def run(parsed: argparse.Namespace) -> int:
         give_token(what, parsed.name, parsed.label, parsed.days)
     elif parsed.verb == "station":
         give_station(what)
+    elif parsed.start:
+        start_collector(what)
     else:
-        print(json.dumps({**what.collector, "socket": str(what.socket)}, indent=1))
+        print(collector(what))
     return 0
