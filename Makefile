@@ -25,6 +25,7 @@ BOARDS   := .venv/python-boards.done
 CENTRE   := .venv/python-centre.done
 IMAGING  := .venv/python-images.done
 LINTED   := .venv/python-lint.done
+TOOLS    := .venv/python-tools.done
 TESTED   := .venv/python-tests.done
 SYSROOT  := build/arm-sysroot/done
 
@@ -45,7 +46,7 @@ help: ## Maintain: show this list
 setup: LISTS := $(PACKAGE_LISTS)
 setup: $(PACKAGE_LISTS:%=build/%.done) $(TESTED) $(LINTED) ## Maintain: bring what most tests need: Debian packages, Python packages into .venv
 
-tools: $(BOARDS) $(CENTRE) ## Build: what the tools of scripts/ import, into .venv
+tools: $(BOARDS) $(CENTRE) $(TOOLS) ## Build: what the tools of scripts/ import, into .venv
 
 # LISTS names those that a goal needs besides: who is not root gets one command for all of them.
 build/%.done: scripts/%.txt scripts/setup-packages.sh
@@ -63,7 +64,7 @@ $(VENV): scripts/python.txt requirements.txt scripts/setup-python.sh | $(PACKAGE
 
 $(BOARDS): | build/packages-boards.done
 $(LINTED): | build/packages-lint.done
-$(TESTED): $(BOARDS) $(CENTRE) $(IMAGING) | build/packages-tests.done
+$(TESTED): $(BOARDS) $(CENTRE) $(IMAGING) $(TOOLS) | build/packages-tests.done
 
 $(SYSROOT): scripts/setup-sysroot.sh | build/packages-cross.done
 	$(LOGGED) arm-sysroot scripts/setup-sysroot.sh $(@D)

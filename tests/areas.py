@@ -137,7 +137,8 @@ REACH = [
         "scripts/openrtu*",
         f"{PIP} test-centre tests/test_logic*.py tests/test_event_journal.py tests/test_points.py "
         "tests/test_web.py tests/test_iec61850_cid.py tests/test_snmp*.py tests/test_plant.py "
-        "tests/test_show.py tests/test_version.py tests/test_docs_commands.py tests/linux/test_run.py",
+        "tests/test_show.py tests/test_version.py tests/test_docs_commands.py tests/linux/test_run.py "
+        "tests/test_openrtu_completion.py",
     ),
     ("scripts/lab/twin_show.py", "test-twin"),
     (

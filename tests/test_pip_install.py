@@ -148,7 +148,7 @@ def test_hooks_are_the_tools_own_commands(tools: Path, elsewhere: Path) -> None:
 def test_the_wheels_bring_no_name_that_is_not_ours(both: Path, tmp_path: Path) -> None:
     listed = out(both, tmp_path, "pip", "list", "--format=json")
     assert {one["name"] for one in json.loads(listed)} - {"pip", "setuptools"} == {
-        "openrtu", "openrtu-tools",
+        "openrtu", "openrtu-tools", "shtab",
     }  # fmt: skip
     program = (
         "import importlib.metadata as m, openrtu, openrtu_tools, sys\n"

@@ -18,6 +18,7 @@ from nuc980.errors import ToolError
 from openrtu_tools.missing import what_to_type
 
 UNUSABLE = 2
+SHELLS = ("bash", "zsh")
 
 
 class Plugin(Protocol):
@@ -75,6 +76,9 @@ def command_line(used: Iterable[str] = TOOLS) -> argparse.ArgumentParser:
     """The parser; of the subcommands only those used know their arguments, and are imported for it."""
     parser = argparse.ArgumentParser(prog="openrtu", description="OpenRTU's tools for engineers.")
     parser.add_argument("--version", action="version", version=f"%(prog)s (OpenRTU) {VERSION}")
+    parser.add_argument(
+        "--completion", choices=SHELLS, action=_Completion, help="print what this shell completes, and exit"
+    )
     commands = parser.add_subparsers(dest="tool", required=True, metavar="COMMAND")
     for name, tool in TOOLS.items():
         command = commands.add_parser(
@@ -83,3 +87,11 @@ def command_line(used: Iterable[str] = TOOLS) -> argparse.ArgumentParser:
         if name in used:
             tool.plugin().add_arguments(command)
     return parser
+
+
+class _Completion(argparse.Action):
+    def __call__(self, parser: argparse.ArgumentParser, _: object, shell: str, __: object = None) -> None:
+        from openrtu_tools.completion import completion
+
+        print(completion(command_line(), shell))
+        parser.exit()

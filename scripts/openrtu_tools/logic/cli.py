@@ -114,8 +114,10 @@ def _add_filter(commands: argparse._SubParsersAction) -> None:
         help="print a digital filter as a function block",
         description="Print a digital filter as a FUNCTION_BLOCK with IN and OUT, of second-order sections.",
     )
-    command.add_argument("kind", choices=KINDS)
-    command.add_argument("band", choices=BANDS, help="what passes (low, high, pass), or what does not (stop)")
+    command.add_argument("kind", choices=tuple(KINDS))
+    command.add_argument(
+        "band", choices=tuple(BANDS), help="what passes (low, high, pass), or what does not (stop)"
+    )
     command.add_argument("--edges", required=True, metavar="HZ[,HZ]", help="where the band ends, in Hz")
     command.add_argument("--order", type=int, default=2, choices=range(1, 9), metavar="N", help="1 to 8 [2]")
     command.add_argument(
