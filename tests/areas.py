@@ -85,7 +85,7 @@ REACH = [
     ("docs/synch.md", "tests/test_synch.py"),
     ("docs/examples/logic/*", "tests/test_logic*.py tests/test_plant.py tests/test_show.py"),
     ("docs/examples/*.dts", "tests/pins/test_picture.py tests/test_pip_install.py"),
-    ("docs/examples/*.json", "tests/test_config.py tests/test_points.py"),
+    ("docs/examples/*.json", "tests/test_config.py tests/test_points.py tests/test_pip_install.py"),
     ("*.md", TREE),
     ("LICENSES/*", TREE),
     ("REUSE.toml", TREE),

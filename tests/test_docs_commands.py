@@ -117,8 +117,9 @@ def test_an_empty_file_becomes_a_tested_interlock(programs: Path, folder: Path) 
     page = (ROOT / "docs/logic.md").read_text()
     chapter = page[page.index("## From an empty file") : page.index("## Check, test, run")]
     begin, *blocks = BLOCK.findall(chapter)
+    assert "cd ~/interlock" in begin[2]
     tools = ("scripts", "build/native/rtud", "build/native/rtuctl")
-    assert f"export OPENRTU=$PWD PATH={':'.join(f'$PWD/{tool}' for tool in tools)}:$PATH" in begin[2]
+    assert f"`export PATH={':'.join(f'$PWD/{tool}' for tool in tools)}:$PATH`" in chapter
     path = f"{ROOT}/scripts:{programs}/rtud:{programs}/rtuctl:{os.environ['PATH']}"
     script = ["exec 2>&1", f"cd {folder}"]
     wanted = ""
@@ -126,7 +127,9 @@ def test_an_empty_file_becomes_a_tested_interlock(programs: Path, folder: Path) 
         if kind == "text":
             wanted += text
         elif kind == "sh":
-            script.append(text.replace("$OPENRTU/build/native", str(programs)))
+            script.append(
+                text.replace("--map map gateway", f"--map map --modules {programs}/modules gateway")
+            )
             if "rtud --map map" in text:
                 runs = "until rtuctl --map map points 2>&1 | grep -q locked.*good; do sleep 0.1; done"
                 script.append(f"trap 'kill %1; wait' EXIT; timeout {PATIENCE_S} sh -c '{runs}'")
