@@ -170,6 +170,7 @@ def configuration(folder: Path, port: int, sink_port: int, **more: Any) -> dict[
     sink = {"name": "nms", "address": "127.0.0.1", "port": sink_port, "user": CENTRE.name}
     sink["timeout_ms"] = int(SINK_TIMEOUT_S * 1000)
     snmp = {"address": "127.0.0.1", "port": port, "users": users, "sinks": [sink], "rate": 100000}
+    snmp |= {"contact": "control room", "location": "cabinet 2"}
     return with_units(chapter_5()) | {
         "snmp": snmp | {"keys": str(folder / "keys"), "state": str(folder / "state")} | more
     }

@@ -290,6 +290,59 @@ def test_a_viewer_only_views(site: Site) -> None:
     assert "No Such" in viewer.run("snmpget", oid("rtuSinkName.1"))
 
 
+@pytest.mark.parametrize(
+    ("options", "report", "said"),
+    [
+        (["-n", "other"], "1.3.6.1.6.3.12.1.5.0", "Bad context"),
+        (["-E", "8000000001020304"], "1.3.6.1.6.3.11.2.1.3.0", "Bad version"),  # Net-SNMP's word for it
+    ],
+)
+def test_an_unknown_context_is_reported(site: Site, options: list[str], report: str, said: str) -> None:
+    """RFC 3413, 3.2: snmpUnknownContexts. RFC 3412, 4.2.2.1.2: snmpUnknownPDUHandlers, of another engine."""
+    manager = site.manager()
+    (before,) = manager.get(report)
+    with pytest.raises(Silent, match=said):
+        manager.run("snmpget", *options, oid("rtuStationName.0"))
+    assert manager.get(report, "rtuStationName.0") == [before + 1, b"OpenRTU"]
+
+
+def test_what_is_no_object_is_told_apart_from_what_has_no_instance(site: Site) -> None:
+    """RFC 3416, 4.2.1."""
+    table = oid("rtuCommandTable")
+    for names, words in (
+        (("rtuStationName.1", "rtuStationName", f"{table}.1.2.1.1", "1.3.6.1.2.1.1.4"), "Instance"),
+        ((f"{table}.1.77.1.1", f"{table}.2", "1.3.6.1.2.1.1.99.0", "1.3.6.1.6.3.15.1.2.2.1.3.0"), "Object"),
+    ):
+        for name in names:
+            assert f"No Such {words}" in site.manager().run("snmpget", oid(name)), name
+    assert "No Such Object" in site.manager(WATCH).run("snmpget", oid("rtuSinkName.1"))
+
+
+def test_what_managers_find_a_device_by(site: Site) -> None:
+    """sysContact, sysServices and sysLocation, and what is counted of messages by USM."""
+    manager = site.manager()
+    system = [manager.get(f"1.3.6.1.2.1.1.{number}.0")[0] for number in (4, 6, 7)]
+    assert system == [b"control room", b"cabinet 2", 72]
+    before = manager.get(*(f"1.3.6.1.6.3.15.1.1.{number}.0" for number in range(1, 7)))
+    with pytest.raises((Silent, Refused)):
+        site.manager(User("nobody", CENTRE.authentication, CENTRE.encryption), timeout_s=1).get(
+            "rtuStationName.0"
+        )
+    with pytest.raises((Silent, Refused)):
+        site.manager(User("centre", "wrong-authentic", "x" * 8), timeout_s=1).get("rtuStationName.0")
+    after = manager.get(*(f"1.3.6.1.6.3.15.1.1.{number}.0" for number in range(1, 7)))
+    assert [new > old for new, old in zip(after, before, strict=True)] == [
+        False,
+        False,
+        True,
+        True,
+        True,
+        False,
+    ]
+    messages = manager.rows("snmpbulkwalk", "1.3.6.1.2.1.11")
+    assert [int(name.split(".")[-2]) for name in messages] == [1, 3, 4, 5, 6, 30, 31, 32]
+
+
 def test_the_tables_of_users_and_views_are_not_there(site: Site) -> None:
     for table in ("1.3.6.1.6.3.15.1.2", "1.3.6.1.6.3.16"):
         assert "No Such" in site.manager(ENGINEER).run("snmpget", f"{table}.2.1.3.0")

@@ -363,7 +363,7 @@ def clock_ms(site: Site) -> int:
 @pytest.mark.slow
 def test_a_manager_sets_the_clock(site: Site) -> None:
     """With what its message was under way; an old message finds another number, and a viewer is refused."""
-    before, hour = site.last(), 3_600_000
+    before, hour = site.last(), 946_684_800_000 + 3_600_000  # in 2000
     began = time.monotonic()
     set_clock(site, hour, delay=5000)
     shown = clock_ms(site) - hour
@@ -379,6 +379,9 @@ def test_a_manager_sets_the_clock(site: Site) -> None:
         set_clock(site, hour, WATCH)
     with pytest.raises(Refused, match="wrongValue"):
         set_clock(site, hour, delay=60_001)
+    for beyond in (hour - 2 * 3_600_000, 8_204_716_800_000):  # in 1999 and 2230, which CP56Time2a has not
+        with pytest.raises(Refused, match="wrongValue"):
+            set_clock(site, beyond)
     set_clock(site, int(time.time() * 1000))
 
 

@@ -103,6 +103,20 @@ def test_a_damaged_number_of_boots_keeps_the_agent_down(site: Site, left: bytes)
     assert site.manager().get("1.3.6.1.6.3.10.2.1.2.0") == [int(whole) + 1]
 
 
+def test_a_lost_number_of_boots_begins_beyond_all_before(site: Site) -> None:
+    """Not at 1, where what somebody has kept of a former time would be new. The log says so."""
+    gateway, file = site.desk.gateway, site.folder / "state/boots"
+    (before,) = site.manager().get("1.3.6.1.6.3.10.2.1.2.0")
+    file.unlink()
+    restarted(site)
+    gateway.wait_for(lambda: gateway.modules()["rtu-snmp"]["alive"], 20.0, "it runs again")
+    (after,) = site.manager().get("1.3.6.1.6.3.10.2.1.2.0")
+    assert isinstance(after, int)
+    assert after > before
+    assert abs(after - (time.time() - 1577836800)) < 600
+    assert f"{file} is not there: it begins with {after}, by the clock" in gateway.ctl("log")
+
+
 def begin_with(site: Site, boots: int) -> None:
     """The receiver of informs starts again, with another number of its boots."""
     site.received.stop()

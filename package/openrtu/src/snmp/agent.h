@@ -124,6 +124,20 @@ struct snmp_clock_setting {
 	uint8_t result;
 };
 
+/* What the engine counts of messages, in the order of their objects. */
+enum snmp_statistic {
+	SNMP_BAD_VERSIONS, /* SNMPv2-MIB */
+	SNMP_PARSE_ERRORS,
+	SNMP_UNKNOWN_MODELS, /* SNMP-MPD-MIB */
+	SNMP_INVALID_MESSAGES,
+	SNMP_USM_LEVELS, /* SNMP-USER-BASED-SM-MIB, this and the next five */
+	SNMP_USM_WINDOWS,
+	SNMP_USM_USERS,
+	SNMP_USM_ENGINES,
+	SNMP_USM_DIGESTS,
+	SNMP_USM_DECRYPTIONS,
+};
+
 struct snmp_agent {
 	struct map *map;
 	const struct map_config *config;
@@ -152,6 +166,7 @@ struct snmp_agent {
 	uint32_t boots;
 	struct snmp_position position;
 	struct snmp_sink_run sinks[SNMP_SINKS_MAX];
+	uint32_t (*statistic)(enum snmp_statistic which); /* of the messages, NULL: nobody counts */
 	/* What holds for a message. */
 	int64_t now_ns;
 	struct map_clock clock;
@@ -304,7 +319,9 @@ static inline int64_t snmp_answer_ns(const struct snmp_agent *agent)
 void snmp_point_index(const struct snmp_agent *agent, enum snmp_list list, uint32_t row,
 		      uint32_t out[SNMP_INDEX_MAX]);
 
-extern const struct snmp_table snmp_system_scalars[4], snmp_engine_scalars[4];
+extern const struct snmp_table snmp_system_scalars[7], snmp_engine_scalars[4];
+extern const struct snmp_table snmp_message_groups[3], snmp_dispatch_group, snmp_context_group,
+    snmp_usm_group;
 extern const struct snmp_table snmp_station_scalars[5], snmp_device_table, snmp_initialised_table;
 extern const struct snmp_table snmp_point_table, snmp_value_tables[5];
 extern const struct snmp_table snmp_command_table, snmp_command_scalars[3];

@@ -9,8 +9,15 @@
 
 /* ---- the tree ---------------------------------------------------------------------------- */
 
-static const struct snmp_table *const system_tables[] = {&snmp_system_scalars[0], &snmp_system_scalars[1],
-							 &snmp_system_scalars[2], &snmp_system_scalars[3]};
+static const struct snmp_table *const system_tables[] = {
+    &snmp_system_scalars[0], &snmp_system_scalars[1], &snmp_system_scalars[2], &snmp_system_scalars[3],
+    &snmp_system_scalars[4], &snmp_system_scalars[5], &snmp_system_scalars[6]};
+
+static const struct snmp_table *const message_tables[] = {&snmp_message_groups[0], &snmp_message_groups[1],
+							  &snmp_message_groups[2]};
+static const struct snmp_table *const dispatch_tables[] = {&snmp_dispatch_group};
+static const struct snmp_table *const context_tables[] = {&snmp_context_group};
+static const struct snmp_table *const usm_tables[] = {&snmp_usm_group};
 
 static const struct snmp_table *const engine_tables[] = {&snmp_engine_scalars[0], &snmp_engine_scalars[1],
 							 &snmp_engine_scalars[2], &snmp_engine_scalars[3]};
@@ -30,19 +37,31 @@ static const struct snmp_table *const station_tables[] = {
 
 #define COUNT(tables) (sizeof(tables) / sizeof((tables)[0]))
 
+/* Of all but the station's own, which is the configuration's. */
+#define ROOT(own, ...)                                                                                       \
+	{                                                                                                    \
+		.ids = {__VA_ARGS__}, .length = sizeof((uint32_t[]){__VA_ARGS__}) / sizeof(uint32_t),        \
+		.tables = own, .count = COUNT(own)                                                           \
+	}
+static const struct snmp_root roots[SNMP_ROOTS] = {
+    ROOT(system_tables, 1, 3, 6, 1, 2, 1, 1),
+    ROOT(message_tables, 1, 3, 6, 1, 2, 1),
+    {.tables = station_tables, .count = COUNT(station_tables)},
+    ROOT(engine_tables, 1, 3, 6, 1, 6, 3, 10, 2, 1),
+    ROOT(dispatch_tables, 1, 3, 6, 1, 6, 3, 11, 2),
+    ROOT(context_tables, 1, 3, 6, 1, 6, 3, 12),
+    ROOT(usm_tables, 1, 3, 6, 1, 6, 3, 15, 1),
+};
+
 static void plant(struct snmp_agent *agent)
 {
-	agent->roots[0] = (struct snmp_root){.ids = {1, 3, 6, 1, 2, 1, 1},
-					     .length = 7,
-					     .tables = system_tables,
-					     .count = COUNT(system_tables)};
-	agent->roots[1] = (struct snmp_root){
-	    .length = agent->settings->base_length, .tables = station_tables, .count = COUNT(station_tables)};
-	memcpy(agent->roots[1].ids, agent->settings->base, sizeof(agent->settings->base));
-	agent->roots[2] = (struct snmp_root){.ids = {1, 3, 6, 1, 6, 3, 10, 2, 1},
-					     .length = 9,
-					     .tables = engine_tables,
-					     .count = COUNT(engine_tables)};
+	for (unsigned i = 0; i < SNMP_ROOTS; i++) {
+		agent->roots[i] = roots[i];
+		if (roots[i].tables != station_tables)
+			continue;
+		agent->roots[i].length = agent->settings->base_length;
+		memcpy(agent->roots[i].ids, agent->settings->base, sizeof(agent->settings->base));
+	}
 }
 
 /* ---- lists ------------------------------------------------------------------------------- */

@@ -3,6 +3,8 @@
 #include "snmp/agent.h"
 
 #define DELAY_MAX_MS 60000
+#define FIRST_MS     946684800000LL  /* 2000, where the years of CP56Time2a begin */
+#define END_MS       4102444800000LL /* 2100, behind which it has none */
 
 enum { CLOCK_SPIN = SNMP_SPIN, CLOCK_TIME, CLOCK_SET, CLOCK_DELAY, CLOCK_STATE, CLOCK_RESULT };
 enum { NEVER_SET = 1, SET, SYSTEM_SYNCHRONIZED };
@@ -68,8 +70,7 @@ static enum snmp_error check_clock(struct snmp_agent *agent, struct snmp_change 
 		return snmp_blame(change, CLOCK_SET, SNMP_NO_ACCESS);
 	if (agent->clock.source == MAP_CLOCK_SYNCHRONISED)
 		return snmp_blame(change, CLOCK_SET, SNMP_INCONSISTENT_VALUE);
-	if (change->number[CLOCK_SET] <= 0 ||
-	    change->number[CLOCK_SET] > INT64_MAX / NS_PER_MS - DELAY_MAX_MS)
+	if (change->number[CLOCK_SET] < FIRST_MS || change->number[CLOCK_SET] >= END_MS - DELAY_MAX_MS)
 		return snmp_blame(change, CLOCK_SET, SNMP_WRONG_VALUE);
 	if (snmp_sets(change, CLOCK_DELAY) &&
 	    (change->number[CLOCK_DELAY] < 0 || change->number[CLOCK_DELAY] > DELAY_MAX_MS))

@@ -9,6 +9,7 @@
 #define SNMP_SETTINGS MAP_SECTION_ID('S', 'N', 'M', 'P')
 
 #define SNMP_NAME_SIZE    33 /* of a user or a sink, SnmpAdminString (SIZE (1..32)) */
+#define SNMP_TEXT_SIZE    128
 #define SNMP_USERS_MAX    16
 #define SNMP_SINKS_MAX    8
 #define SNMP_MANAGERS_MAX 16
@@ -40,8 +41,9 @@ struct snmp_settings {
 	char managers[SNMP_MANAGERS_MAX][MAP_ADDRESS_SIZE];      /* who is answered; none: everybody */
 	char clock_masters[SNMP_MANAGERS_MAX][MAP_ADDRESS_SIZE]; /* who may set the clock; none: everybody */
 	char station[MAP_NAME_SIZE];
-	char keys[MAP_FILE_SIZE];  /* localized keys */
-	char state[MAP_FILE_SIZE]; /* folder of the number of boots */
+	char contact[SNMP_TEXT_SIZE], location[SNMP_TEXT_SIZE]; /* sysContact, sysLocation */
+	char keys[MAP_FILE_SIZE];                               /* localized keys */
+	char state[MAP_FILE_SIZE];                              /* folder of the number of boots */
 	uint32_t base[SNMP_BASE_MAX];
 	uint32_t base_length;
 	uint32_t manager_count, clock_master_count, user_count, sink_count;

@@ -20,6 +20,8 @@ enum {
 	SNMP_PORT,
 	SNMP_BASE,
 	SNMP_STATION,
+	SNMP_CONTACT,
+	SNMP_LOCATION,
 	SNMP_KEYS_FILE,
 	SNMP_STATE,
 	SNMP_MANAGERS,
@@ -36,6 +38,8 @@ static const struct config_rule snmp_rules[SNMP_KEYS] = {
     [SNMP_PORT] = {"port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = PORT_AGENT},
     [SNMP_BASE] = {"base", CONFIG_TEXT, .low = 1, .high = 100},
     [SNMP_STATION] = {"station", CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1},
+    [SNMP_CONTACT] = {"contact", CONFIG_TEXT, .low = 1, .high = SNMP_TEXT_SIZE - 1},
+    [SNMP_LOCATION] = {"location", CONFIG_TEXT, .low = 1, .high = SNMP_TEXT_SIZE - 1},
     [SNMP_KEYS_FILE] = {"keys", CONFIG_TEXT, .low = 1, .high = MAP_FILE_SIZE - 1},
     [SNMP_STATE] = {"state", CONFIG_TEXT, .low = 1, .high = MAP_FILE_SIZE - 1},
     [SNMP_MANAGERS] = {"managers", CONFIG_ARRAY, .high = SNMP_MANAGERS_MAX},
@@ -243,6 +247,8 @@ static void read_settings(struct config_loader *loader, const struct config_plac
 	settings->rate = (uint32_t)values[SNMP_RATE].integer;
 	settings->release_s = (uint32_t)values[SNMP_RELEASE].integer;
 	copy(settings->station, sizeof(settings->station), &values[SNMP_STATION], "OpenRTU");
+	copy(settings->contact, sizeof(settings->contact), &values[SNMP_CONTACT], "");
+	copy(settings->location, sizeof(settings->location), &values[SNMP_LOCATION], "");
 	read_path(loader, place, SNMP_KEYS_FILE, &values[SNMP_KEYS_FILE], "/data/openrtu/snmp.keys",
 		  settings->keys);
 	read_path(loader, place, SNMP_STATE, &values[SNMP_STATE], "/data/openrtu/snmp", settings->state);

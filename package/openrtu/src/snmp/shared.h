@@ -26,6 +26,8 @@ enum snmp_counter {
 	SNMP_COUNT_NOTIFICATIONS,
 	SNMP_COUNT_RETRIES,
 	SNMP_COUNT_SILENT, /* times that a sink fell silent */
+	SNMP_COUNT_UNKNOWN_CONTEXTS,
+	SNMP_COUNT_UNKNOWN_HANDLERS, /* of another engine's context */
 	SNMP_COUNT_OF_COUNTERS
 };
 

@@ -42,12 +42,35 @@ static bool read_name(struct snmp_agent *agent, uint32_t column, uint32_t row, s
 	return true;
 }
 
+static bool read_contact(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
+{
+	(void)column, (void)row;
+	snmp_put_text(out, agent->settings->contact);
+	return true;
+}
+
+static bool read_location(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
+{
+	(void)column, (void)row;
+	snmp_put_text(out, agent->settings->location);
+	return true;
+}
+
+/* Transport and applications: layers 4 and 7. */
+static bool read_services(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
+{
+	(void)agent, (void)column, (void)row;
+	snmp_put_number(out, SNMP_INTEGER, 1 << (4 - 1) | 1 << (7 - 1));
+	return true;
+}
+
 #define SYSTEM(number, reader)                                                                               \
 	{                                                                                                    \
 		.prefix = {number}, .prefix_length = 1, .read = reader                                       \
 	}
-const struct snmp_table snmp_system_scalars[4] = {SYSTEM(1, read_description), SYSTEM(2, read_object_id),
-						  SYSTEM(3, read_uptime), SYSTEM(5, read_name)};
+const struct snmp_table snmp_system_scalars[7] = {
+    SYSTEM(1, read_description), SYSTEM(2, read_object_id), SYSTEM(3, read_uptime),  SYSTEM(4, read_contact),
+    SYSTEM(5, read_name),        SYSTEM(6, read_location),  SYSTEM(7, read_services)};
 
 static bool read_engine_id(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
 {
@@ -81,6 +104,84 @@ static bool read_message_size(struct snmp_agent *agent, uint32_t column, uint32_
 
 const struct snmp_table snmp_engine_scalars[4] = {SYSTEM(1, read_engine_id), SYSTEM(2, read_boots),
 						  SYSTEM(3, read_engine_time), SYSTEM(4, read_message_size)};
+
+/* ---- what is counted of messages (RFC 3418, 3412, 3413, 3414) ------------------------------- */
+
+static bool put_statistic(struct snmp_agent *agent, enum snmp_statistic which, struct snmp_value *out)
+{
+	snmp_put_number(out, SNMP_COUNTER, agent->statistic == NULL ? 0 : agent->statistic(which));
+	return true;
+}
+
+static bool put_counter(struct snmp_agent *agent, enum snmp_counter counter, struct snmp_value *out)
+{
+	snmp_put_number(out, SNMP_COUNTER, agent->shared->counters[counter]);
+	return true;
+}
+
+enum { IN_PACKETS = 1, BAD_VERSIONS = 3, PARSE_ERRORS = 6, AUTHENTICATION_TRAPS = 30, PROXY_DROPS = 32 };
+enum { DISABLED = 2 };
+
+/* There are no communities and no proxies. What is dropped is counted in rtuMessagesLimited. */
+static bool read_message(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
+{
+	(void)row;
+	if (column == IN_PACKETS)
+		return put_counter(agent, SNMP_COUNT_MESSAGES, out);
+	if (column == BAD_VERSIONS || column == PARSE_ERRORS)
+		return put_statistic(agent, column == BAD_VERSIONS ? SNMP_BAD_VERSIONS : SNMP_PARSE_ERRORS,
+				     out);
+	snmp_put_number(out, column == AUTHENTICATION_TRAPS ? SNMP_INTEGER : SNMP_COUNTER,
+			column == AUTHENTICATION_TRAPS ? DISABLED : 0);
+	return true;
+}
+
+enum { UNKNOWN_MODELS = 1, INVALID_MESSAGES, UNKNOWN_HANDLERS };
+
+static bool read_dispatch(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
+{
+	(void)row;
+	if (column == UNKNOWN_HANDLERS)
+		return put_counter(agent, SNMP_COUNT_UNKNOWN_HANDLERS, out);
+	return put_statistic(agent, column == UNKNOWN_MODELS ? SNMP_UNKNOWN_MODELS : SNMP_INVALID_MESSAGES,
+			     out);
+}
+
+enum { UNAVAILABLE_CONTEXTS = 4, UNKNOWN_CONTEXTS };
+
+static bool read_contexts(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
+{
+	(void)row;
+	if (column == UNKNOWN_CONTEXTS)
+		return put_counter(agent, SNMP_COUNT_UNKNOWN_CONTEXTS, out);
+	snmp_put_number(out, SNMP_COUNTER, 0);
+	return true;
+}
+
+static bool read_usm(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
+{
+	(void)row;
+	return put_statistic(agent, (enum snmp_statistic)(SNMP_USM_LEVELS + column - 1), out);
+}
+
+static void index_0(const struct snmp_agent *agent, uint32_t row, uint32_t out[SNMP_INDEX_MAX])
+{
+	(void)agent, (void)row;
+	out[0] = 0;
+}
+
+/* Scalars first to last of a group. */
+#define GROUP(number, first_, last_, reader)                                                                 \
+	{                                                                                                    \
+		.entry = number, .first = first_, .last = last_, .indexes = 1, .index = index_0,             \
+		.read = reader                                                                               \
+	}
+const struct snmp_table snmp_message_groups[3] = {GROUP(11, IN_PACKETS, IN_PACKETS, read_message),
+						  GROUP(11, BAD_VERSIONS, PARSE_ERRORS, read_message),
+						  GROUP(11, AUTHENTICATION_TRAPS, PROXY_DROPS, read_message)};
+const struct snmp_table snmp_dispatch_group = GROUP(1, UNKNOWN_MODELS, UNKNOWN_HANDLERS, read_dispatch);
+const struct snmp_table snmp_context_group = GROUP(1, UNAVAILABLE_CONTEXTS, UNKNOWN_CONTEXTS, read_contexts);
+const struct snmp_table snmp_usm_group = GROUP(1, 1, 6, read_usm);
 
 /* ---- rtuStation -------------------------------------------------------------------------- */
 

@@ -124,12 +124,41 @@ bool snmp_find(const struct snmp_agent *agent, const uint32_t *name, size_t leng
 	return false;
 }
 
-/* ---- the next ---------------------------------------------------------------------------- */
+/* ---- whether there is an object ----------------------------------------------------------- */
 
 static bool may_read(const struct snmp_table *table, enum snmp_role role)
 {
 	return role >= table->reader;
 }
+
+static bool is_below(const struct snmp_table *table, const uint32_t *rest, size_t length)
+{
+	const size_t ids = table->prefix_length + (table->last == 0 ? 0u : 2u);
+	uint32_t own[SNMP_IDS_MAX];
+
+	if (length < ids ||
+	    (table->last != 0 && (rest[ids - 1] < table->first || rest[ids - 1] > table->last)))
+		return false;
+	object_ids(table, table->last == 0 ? 0 : rest[ids - 1], own);
+	return compare(own, ids, rest, ids) == 0;
+}
+
+bool snmp_knows(const struct snmp_agent *agent, const uint32_t *name, size_t length, enum snmp_role role)
+{
+	for (uint8_t i = 0; i < SNMP_ROOTS; i++) {
+		const struct snmp_root *root = &agent->roots[i];
+
+		if (length < root->length || compare(root->ids, root->length, name, root->length) != 0)
+			continue;
+		for (uint32_t j = 0; j < root->count; j++)
+			if (may_read(root->tables[j], role) &&
+			    is_below(root->tables[j], name + root->length, length - root->length))
+				return true;
+	}
+	return false;
+}
+
+/* ---- the next ---------------------------------------------------------------------------- */
 
 /* The first instance of a column or of one behind it, behind this index of the column. */
 static bool next_in_columns(const struct snmp_agent *agent, uint32_t column, const uint32_t *index,

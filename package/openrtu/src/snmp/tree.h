@@ -85,7 +85,7 @@ struct snmp_root {
 	uint32_t count;
 };
 
-#define SNMP_ROOTS 3
+#define SNMP_ROOTS 7
 
 /* An instance. */
 struct snmp_place {
@@ -98,6 +98,8 @@ struct snmp_place {
 const struct snmp_table *snmp_table_at(const struct snmp_agent *agent, const struct snmp_place *place);
 /* False: the agent has no instance of this name. */
 bool snmp_find(const struct snmp_agent *agent, const uint32_t *name, size_t length, struct snmp_place *out);
+/* Whether a name is of an object that this role may read, whether that has this instance or not. */
+bool snmp_knows(const struct snmp_agent *agent, const uint32_t *name, size_t length, enum snmp_role role);
 /* The first instance behind a name that this role may read. False: there is none. */
 bool snmp_next(const struct snmp_agent *agent, const uint32_t *name, size_t length, enum snmp_role role,
 	       struct snmp_place *out);

@@ -179,7 +179,10 @@ static bool get(struct answering *answering, const netsnmp_variable_list *variab
 	if (snmp_find(answering->agent, asked.ids, asked.length, &place) &&
 	    answering->role >= snmp_table_at(answering->agent, &place)->reader)
 		return add_place(answering, &place);
-	return add_word(answering, &asked, SNMP_NOSUCHINSTANCE);
+	return add_word(answering, &asked,
+			snmp_knows(answering->agent, asked.ids, asked.length, answering->role)
+			    ? SNMP_NOSUCHINSTANCE
+			    : SNMP_NOSUCHOBJECT);
 }
 
 static bool get_next(struct answering *answering, const netsnmp_variable_list *variable)
@@ -350,10 +353,7 @@ static bool find_user(const struct snmp_agent *agent, const netsnmp_pdu *pdu, ui
 /* Without encryption a user has no right to anything, not even to know what there is. */
 static bool may_ask(const struct snmp_agent *agent, const netsnmp_pdu *pdu, uint8_t *user)
 {
-	return pdu->securityLevel == SNMP_SEC_LEVEL_AUTHPRIV && pdu->contextNameLen == 0 &&
-	       pdu->contextEngineIDLen == agent->engine_id_size &&
-	       memcmp(pdu->contextEngineID, agent->engine_id, agent->engine_id_size) == 0 &&
-	       find_user(agent, pdu, user);
+	return pdu->securityLevel == SNMP_SEC_LEVEL_AUTHPRIV && find_user(agent, pdu, user);
 }
 
 static enum snmp_error read_all(struct answering *answering, const netsnmp_pdu *pdu)
@@ -415,32 +415,72 @@ static bool is_request(const netsnmp_pdu *pdu)
 	       pdu->command == SNMP_MSG_GETBULK || pdu->command == SNMP_MSG_SET;
 }
 
-void answer_request(void *context, void *session, netsnmp_pdu *pdu)
+static void make_response(struct snmp_agent *agent, const netsnmp_pdu *pdu, netsnmp_pdu *reply)
 {
-	struct snmp_agent *agent = context;
-	netsnmp_pdu *reply;
+	enum snmp_error error = SNMP_AUTHORIZATION_ERROR;
 	size_t index = 0;
 	uint8_t user;
-	enum snmp_error error;
 
-	if (!is_request(pdu))
-		return;
-	reply = snmp_clone_pdu(pdu);
-	if (reply == NULL)
-		return;
-	if (may_ask(agent, pdu, &user)) {
+	if (may_ask(agent, pdu, &user))
 		error = answer(agent, reply, user, &index);
-	} else {
-		map_count(&agent->shared->counters[SNMP_COUNT_DENIED], 1);
-		error = SNMP_AUTHORIZATION_ERROR;
-	}
-	if (error == SNMP_NO_ACCESS)
+	if (error == SNMP_AUTHORIZATION_ERROR || error == SNMP_NO_ACCESS)
 		map_count(&agent->shared->counters[SNMP_COUNT_DENIED], 1);
 	reply->command = SNMP_MSG_RESPONSE;
 	reply->errstat = error;
-	reply->errindex = error == SNMP_TOO_BIG ? 0 : (long)index;
-	if (error == SNMP_GOOD)
-		reply->errindex = 0;
+	reply->errindex = error == SNMP_TOO_BIG || error == SNMP_GOOD ? 0 : (long)index;
+}
+
+/* ---- reports ----------------------------------------------------------------------------- */
+
+static bool is_of_this_engine(const struct snmp_agent *agent, const netsnmp_pdu *pdu)
+{
+	return pdu->contextEngineIDLen == agent->engine_id_size &&
+	       memcmp(pdu->contextEngineID, agent->engine_id, agent->engine_id_size) == 0;
+}
+
+/* It has a counter, which has one more now. */
+static void make_report(struct snmp_agent *agent, netsnmp_pdu *reply, const uint32_t *name, size_t length,
+			enum snmp_counter counter)
+{
+	netsnmp_variable_list *first = NULL;
+	struct snmp_value value;
+	long left = (long)agent->settings->max_message;
+
+	map_count(&agent->shared->counters[counter], 1);
+	snmp_put_number(&value, SNMP_COUNTER, agent->shared->counters[counter]);
+	answer_add(&first, name, length, &value, &left);
+	snmp_free_varbind(reply->variables);
+	reply->variables = first;
+	reply->command = SNMP_MSG_REPORT;
+	reply->errstat = reply->errindex = 0;
+}
+
+/* A context that is not here: RFC 3412, 4.2.2.1.2 and RFC 3413, 3.2. False: it is here. */
+static bool report_context(struct snmp_agent *agent, const netsnmp_pdu *pdu, netsnmp_pdu *reply)
+{
+	static const uint32_t unknown_handlers[] = {1, 3, 6, 1, 6, 3, 11, 2, 1, 3, 0},
+			      unknown_contexts[] = {1, 3, 6, 1, 6, 3, 12, 1, 5, 0};
+
+	if (!is_of_this_engine(agent, pdu))
+		make_report(agent, reply, unknown_handlers, sizeof(unknown_handlers) / sizeof(uint32_t),
+			    SNMP_COUNT_UNKNOWN_HANDLERS);
+	else if (pdu->contextNameLen != 0)
+		make_report(agent, reply, unknown_contexts, sizeof(unknown_contexts) / sizeof(uint32_t),
+			    SNMP_COUNT_UNKNOWN_CONTEXTS);
+	else
+		return false;
+	return true;
+}
+
+void answer_request(void *context, void *session, netsnmp_pdu *pdu)
+{
+	struct snmp_agent *agent = context;
+	netsnmp_pdu *reply = is_request(pdu) ? snmp_clone_pdu(pdu) : NULL;
+
+	if (reply == NULL)
+		return;
+	if (!report_context(agent, pdu, reply))
+		make_response(agent, pdu, reply);
 	if (!snmp_sess_send(session, reply))
 		snmp_free_pdu(reply);
 }

@@ -7,15 +7,17 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <time.h>
 #include <unistd.h>
 
-#define FILE_NAME "boots"
-#define NEW_NAME  "boots.new"
-#define BOOTS_MAX 2147483646u /* RFC 3414, 2.2.3: at the next one the keys must be changed */
+#define FILE_NAME       "boots"
+#define NEW_NAME        "boots.new"
+#define SECONDS_TO_2020 1577836800
+#define BOOTS_MAX       2147483646u /* RFC 3414, 2.2.3: at the next one the keys must be changed */
 
 /* ---- boots ------------------------------------------------------------------------------- */
 
-/* Of a file that is not there, 0. False: it holds no number. */
+/* Of a file that is not there, 0. False: it holds no number, or cannot be read. */
 static bool read_boots(int folder, uint32_t *boots)
 {
 	const int fd = openat(folder, FILE_NAME, O_RDONLY | O_NOFOLLOW | O_CLOEXEC);
@@ -36,6 +38,32 @@ static bool read_boots(int folder, uint32_t *boots)
 	return text[0] >= '1' && text[0] <= '9' && strcmp(end, "\n") == 0 && number <= BOOTS_MAX;
 }
 
+/*
+ * Of a file that was lost nobody knows what it held, and time must not begin anew for whoever has kept old messages (RFC 3414,
+ * 2.2.2). Seconds since 2020 are more than each number that was counted from 1, and than such seconds before. 0: the clock is not set.
+ */
+static uint32_t boots_by_clock(void)
+{
+	const time_t now_s = time(NULL);
+
+	return now_s <= SECONDS_TO_2020 ? 0 : (uint32_t)(now_s - SECONDS_TO_2020);
+}
+
+static bool begin_boots(struct map *map, const char *path, uint32_t *boots)
+{
+	*boots = boots_by_clock();
+	if (*boots == 0)
+		map_log(map, MAP_LOG_ERROR,
+			"%s/" FILE_NAME
+			" is not there, and the clock that would say a number is not set: set it, or "
+			"write the number 1 there if these keys have never been used",
+			path);
+	else
+		map_log(map, MAP_LOG_WARNING,
+			"%s/" FILE_NAME " is not there: it begins with %u, by the clock", path, *boots + 1);
+	return *boots != 0;
+}
+
 /* Beside the old one, which stays whole until the new one is. */
 static bool write_boots(int folder, uint32_t boots)
 {
@@ -51,6 +79,15 @@ static bool write_boots(int folder, uint32_t boots)
 	return good && renameat(folder, NEW_NAME, folder, FILE_NAME) == 0 && fsync(folder) == 0;
 }
 
+static bool keep_boots(struct map *map, int folder, const char *path, uint32_t boots)
+{
+	const bool good = write_boots(folder, boots);
+
+	if (!good)
+		map_log(map, MAP_LOG_ERROR, "cannot write %s/" FILE_NAME ": %s", path, strerror(errno));
+	return good;
+}
+
 bool engine_count_boot(struct map *map, const char *path, uint32_t *boots)
 {
 	const int folder = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
@@ -62,10 +99,8 @@ bool engine_count_boot(struct map *map, const char *path, uint32_t *boots)
 		map_log(map, MAP_LOG_ERROR,
 			"%s/" FILE_NAME " is damaged: give the gateway another engine ID and keys, remove it",
 			path);
-	else if (!write_boots(folder, ++*boots))
-		map_log(map, MAP_LOG_ERROR, "cannot write %s/" FILE_NAME ": %s", path, strerror(errno));
-	else
-		good = true;
+	else if (*boots != 0 || begin_boots(map, path, boots))
+		good = keep_boots(map, folder, path, ++*boots);
 	if (folder >= 0)
 		close(folder);
 	return good;

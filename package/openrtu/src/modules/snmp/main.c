@@ -36,6 +36,8 @@ static void name_counters(struct snmp_shared *shared)
 	    [SNMP_COUNT_NOTIFICATIONS] = "notifications",
 	    [SNMP_COUNT_RETRIES] = "notification_retries",
 	    [SNMP_COUNT_SILENT] = "sinks_silent",
+	    [SNMP_COUNT_UNKNOWN_CONTEXTS] = "contexts_unknown",
+	    [SNMP_COUNT_UNKNOWN_HANDLERS] = "contexts_elsewhere",
 	};
 
 	for (unsigned i = 0; i < SNMP_COUNT_OF_COUNTERS; i++)
@@ -54,6 +56,7 @@ static bool start(const struct options *options, struct snmp_shared *shared)
 		return false;
 	}
 	agent.boots = boots;
+	agent.statistic = wire_statistic;
 	agent.engine_id_size = keyring.engine.size;
 	memcpy(agent.engine_id, keyring.engine.octets, keyring.engine.size);
 	if (!wire_init(&agent, &keyring))

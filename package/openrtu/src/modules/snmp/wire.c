@@ -307,6 +307,24 @@ int wire_fd(const struct wire *wire)
 
 /* ---- the library ------------------------------------------------------------------------- */
 
+uint32_t wire_statistic(enum snmp_statistic which)
+{
+	static const int numbers[] = {
+	    [SNMP_BAD_VERSIONS] = STAT_SNMPINBADVERSIONS,
+	    [SNMP_PARSE_ERRORS] = STAT_SNMPINASNPARSEERRS,
+	    [SNMP_UNKNOWN_MODELS] = STAT_SNMPUNKNOWNSECURITYMODELS,
+	    [SNMP_INVALID_MESSAGES] = STAT_SNMPINVALIDMSGS,
+	    [SNMP_USM_LEVELS] = STAT_USMSTATSUNSUPPORTEDSECLEVELS,
+	    [SNMP_USM_WINDOWS] = STAT_USMSTATSNOTINTIMEWINDOWS,
+	    [SNMP_USM_USERS] = STAT_USMSTATSUNKNOWNUSERNAMES,
+	    [SNMP_USM_ENGINES] = STAT_USMSTATSUNKNOWNENGINEIDS,
+	    [SNMP_USM_DIGESTS] = STAT_USMSTATSWRONGDIGESTS,
+	    [SNMP_USM_DECRYPTIONS] = STAT_USMSTATSDECRYPTIONERRORS,
+	};
+
+	return snmp_get_statistic(numbers[which]);
+}
+
 /* It need not have these: they are a draft. */
 #ifdef NETSNMP_DRAFT_BLUMENTHAL_AES_04
 #define OF_DRAFT(protocol)                                                                                   \

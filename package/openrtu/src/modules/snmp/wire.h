@@ -36,6 +36,8 @@ void wire_expire(struct wire *wire);
  */
 bool wire_discovers_anew(struct wire *wire);
 void *wire_session(struct wire *wire);
+/* What the library counts. */
+uint32_t wire_statistic(enum snmp_statistic which);
 int wire_fd(const struct wire *wire);
 
 #endif
