@@ -40,7 +40,7 @@ inputs() {
 			${update:+"$build/swupdate/inputs"} ${pull:+"$build/curl/inputs"}
 		printf '%s\0' "$board"/{system.toml,post-build.sh,place-macs.sh,system.fragment}
 		printf '%s\0' "$tree"/package/openrtu/{S80rtud,openrtu.mk}
-		printf '%s\0' "$tree"/scripts/{build-system.sh,build-linux.sh,image/cpio.py,image/rootfs.py}
+		printf '%s\0' "$tree"/scripts/{build-system.sh,build-linux.sh,image/cpio.py,image/gateway.py,image/rootfs.py}
 		# Not what an image takes of it, nor what nuc980-netboot keeps there.
 		[ -z "${SITE_SETTINGS:-}" ] || find "$SITE_SETTINGS" -maxdepth 1 -type f ! -name update-number \
 			! -name 'environment*.txt' ! -name board-ip -print0

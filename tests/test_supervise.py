@@ -601,22 +601,44 @@ def refused_start(gateway: Gateway, program: Path, *options: str | Path) -> str:
     return errors_of(done.stderr)
 
 
-def test_programs_that_are_not_there_end_rtud_at_once(gateway: Gateway) -> None:
+def test_programs_of_which_none_is_there_end_rtud_at_once(gateway: Gateway) -> None:
     """It says where it looked, and what to add when the folder that has them can be seen from its own."""
     modules, built = modules_of(gateway), (gateway.build / "modules").resolve()
-    (modules / "rtu-modbus").unlink()
+    for program in modules.iterdir():
+        program.unlink()
     missing = f"rtud: cannot use the module {modules}/rtu-modbus: No such file or directory\n"
     rtud_built = gateway.build / "rtud/rtud"
-    assert refused_start(gateway, rtud_built, "--modules", modules) == (
-        f"{missing}rtud: there is one in {built}: add --modules {built}\n"
-    )
+    said = refused_start(gateway, rtud_built, "--modules", modules)
+    assert f"{missing}rtud: there is one in {built}: add --modules {built}\n" in said
     alone = gateway.directory / "rtud"
     shutil.copy(rtud_built, alone)
-    assert refused_start(gateway, alone, "--modules", modules) == (
-        f"{missing}rtud: name the folder of the module programs with --modules, or install them there\n"
-    )
+    said = refused_start(gateway, alone, "--modules", modules)
+    assert f"{missing}rtud: name the folder of the module programs with --modules, or install them" in said
     (modules / "rtu-modbus").touch(mode=0o644)
     assert "/rtu-modbus: Permission denied\n" in refused_start(gateway, alone, "--modules", modules)
+
+
+@pytest.mark.parametrize("program", ["rtu-modbus", "rtu-iec104"])
+def test_program_that_is_not_there_costs_its_points_alone(gateway: Gateway, program: str) -> None:
+    """As of an image that was built without it. Said at once, and again with each try."""
+    modules = modules_of(gateway)
+    (modules / program).unlink()
+    missing = [name for name in (STATION, *LINES) if (name == STATION) == (program == "rtu-iec104")]
+    with rtud(gateway, args=command(gateway, modules=modules)) as process:
+        for name in missing:
+            said = f"the gateway runs without {name}: there is no program {program} in {modules}"
+            gateway.wait_for(lambda said=said: said in gateway.log(), 60.0, said)
+        gateway.wait_for(
+            lambda: all(
+                (row["state"] == "running") == (name not in missing)
+                for name, row in gateway.modules().items()
+                if name in (STATION, *LINES)
+            ),
+            60.0,
+            "all others run",
+        )
+        process.terminate()
+        assert process.wait(10) == 0
 
 
 # ---- a configuration without lines -------------------------------------------------------------------

@@ -126,6 +126,16 @@ rm -rf "$target/etc/init.d/S80swupdate" "$target/usr/lib/swupdate" "$target/etc/
 # Buildroot's own would start chronyd without servers, too: S45chronyd does not.
 rm -f "$target"/etc/init.d/S49chrony*
 
+# A gateway without one of its programs runs the others; who builds it is to know that before a board has it.
+check_programs() {
+	local lacks
+	if [ ! -d "$target/usr/libexec/openrtu" ] || lacks=$(PYTHONPATH="$tree/scripts" python3 -m image.gateway "$site" "$target"); then
+		return 0
+	fi
+	fail "$site/config.json needs what this image has not: ${lacks//$'\n'/ }: choose its option (BR2_PACKAGE_OPENRTU_…), or another image"
+}
+
+[ -z "$site" ] || check_programs
 name_image
 
 # Buildroot's own would make a key of each kind, on the root and before rtud: S85sshd does not.

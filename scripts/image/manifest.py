@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from zlib import crc32
 
+from image.gateway import programs_of
 from nuc980.errors import UnusableInput
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -427,6 +428,7 @@ class Origin:
 
     configuration: str
     version: str | None  # what it says itself, /etc/os-release: with a number where it takes updates
+    modules: list[str]  # the programs that its gateway has
     in_flash: bool
     sources: dict[str, dict[str, str | None]]
 
@@ -434,12 +436,14 @@ class Origin:
 def origin_of(arguments: argparse.Namespace) -> Origin:
     target = arguments.target or arguments.images.resolve().parent / "target"
     version = image_version(target / "etc" / "os-release")
+    modules = list(programs_of(target))
     if arguments.versions:
-        return Origin("system", version, False, sources_of_debian(arguments.versions))
+        return Origin("system", version, modules, False, sources_of_debian(arguments.versions))
     config = read_config(arguments.config)
     return Origin(
         Path(config.get("BR2_DEFCONFIG", "")).name,
         version,
+        modules,
         config.get("BR2_TARGET_ROOTFS_INITRAMFS") != "y",
         sources_of_buildroot(config, target / "etc" / "os-release"),
     )
@@ -464,6 +468,7 @@ def run(arguments: argparse.Namespace) -> int:
     manifest = {
         "configuration": origin.configuration,
         "version": origin.version,
+        "modules": origin.modules,
         "boots-from": "flash" if in_flash else "network",
         "sources": origin.sources,
         "files": [each.row for each in judged],

@@ -9,7 +9,6 @@ Nothing but the standard library; `readelf` says which libraries a program names
 from __future__ import annotations
 
 import argparse
-import json
 import re
 import shutil
 import subprocess
@@ -19,6 +18,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from image.gateway import TLS, needed, read_configuration
 from nuc980.errors import UnusableInput
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -27,6 +27,7 @@ PACKAGE = ROOT / "package" / "openrtu"
 TABLE = BOARD / "system.toml"
 LIBRARY_FOLDERS = ("lib/arm-linux-gnueabi", "usr/lib/arm-linux-gnueabi")
 ELF = b"\x7fELF"
+WITH_OPENSSL = ("rtu-snmp", "rtu-web")
 
 
 @dataclass(frozen=True)
@@ -168,7 +169,7 @@ def add_busybox(busybox: Path, root: Path) -> None:
 # ---- libraries -----------------------------------------------------------------------------------
 
 
-def needed(program: Path) -> list[str]:
+def libraries_of(program: Path) -> list[str]:
     """The libraries that an ELF file names."""
     done = subprocess.run(["readelf", "--dynamic", "--wide", program], capture_output=True, text=True)
     if done.returncode:
@@ -187,7 +188,7 @@ def programs_in(root: Path) -> Iterator[Path]:
 def add_libraries(root: Path, packages: Path, more: Sequence[str]) -> None:
     """Those that programs of the root name, those that these name, and so on."""
     waiting = {name: "system.toml" for name in more}
-    waiting |= {name: str(file) for file in programs_in(root) for name in needed(file)}
+    waiting |= {name: str(file) for file in programs_in(root) for name in libraries_of(file)}
     done: set[str] = set()
     while waiting:
         name, wanted_by = waiting.popitem()
@@ -197,7 +198,7 @@ def add_libraries(root: Path, packages: Path, more: Sequence[str]) -> None:
         library = _find_library(name, packages, wanted_by)
         copy(packages / library, root / library)
         (root / library).chmod(0o755)
-        waiting |= {each: name for each in needed(root / library)}
+        waiting |= {each: name for each in libraries_of(root / library)}
 
 
 def _find_library(name: str, packages: Path, wanted_by: str) -> str:
@@ -254,19 +255,13 @@ def make_root(
 
 
 def needs_openssl(site: Path) -> bool:
-    """Whether its gateway does, for TLS or SNMPv3. What else is wrong with a configuration rtud says."""
-    file = site / "config.json"
-    if not file.exists():
-        return False
-    try:
-        configuration = json.loads(file.read_bytes())
-    except ValueError as error:
-        raise UnusableInput(f"{file} is not JSON: {error}") from error
-    if not isinstance(configuration, dict):
-        return False
-    server = configuration.get("iec61850")
-    secured = isinstance(server, dict) and "tls" in server
-    return secured or not configuration.keys().isdisjoint({"tls", "outstations_tls", "snmp", "web"})
+    """Whether its gateway does, for TLS, SNMPv3 or the page."""
+    configuration = read_configuration(site)
+    programs = needed(configuration)
+    keys = {"tls", "outstations_tls"}
+    return not keys.isdisjoint(configuration) or any(
+        each.endswith(TLS) or each in WITH_OPENSSL for each in programs
+    )
 
 
 def main(words: Sequence[str] | None = None) -> int:

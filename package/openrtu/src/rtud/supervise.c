@@ -577,22 +577,30 @@ static void look_for_filters(struct supervisor *supervisor)
 }
 
 /*
- * One that is missing at the start stays so; the lines of a gateway without its station would be polled for nobody. A program
- * of others is none of the gateway's: without it, its points are invalid.
+ * One that is missing costs its points, and not the gateway: an image without rtu-web still polls its lines. It is tried
+ * again like one that cannot be started. Where all are missing it is their folder that is wrong.
  */
 static bool look_for_programs(const struct supervisor *supervisor)
 {
+	unsigned wanted = 0, missing = 0;
+
 	for (uint32_t i = 0; i < map_module_count(supervisor->map); i++) {
 		struct map_module module;
 		struct kind_run run;
 
 		map_module(supervisor->map, i, &module);
 		run = run_of(supervisor, &module);
-		if (run.program != NULL &&
-		    !programs_look_for(supervisor->options->modules, run.program->name))
-			return false;
+		if (run.program == NULL)
+			continue;
+		wanted++;
+		if (programs_look_for(supervisor->options->modules, run.program->name))
+			continue;
+		missing++;
+		map_log(supervisor->map, MAP_LOG_ERROR,
+			"the gateway runs without %s: there is no program %s in %s", module.name,
+			run.program->name, supervisor->options->modules);
 	}
-	return true;
+	return missing == 0 || missing < wanted;
 }
 
 /* What has to be before any of them is started. */
