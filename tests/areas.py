@@ -101,6 +101,10 @@ REACH = [
         f"{C} fuzzers {DESK} {ON_BOARD} tests/image/test_update_file.py",
     ),
     (
+        "package/openrtu/src/rtud/config.schema.json",
+        f"{C} fuzzers {DESK} {ON_BOARD} tests/image/test_gateway_programs.py",
+    ),
+    (
         "package/openrtu/src/centre/*",
         f"{C} fuzzers test-centre tests/test_centre.py tests/test_fuzz.py tests/test_installation.py",
     ),
@@ -148,6 +152,7 @@ REACH = [
         "tests/linux/test_system_tls.py",
     ),
     ("scripts/lab/managed.py", "lint tests/test_show.py tests/linux/test_run.py"),
+    ("scripts/lab/site.py", "lint test-linux test-image"),
     (
         "scripts/lab/*",
         f"{DESK} test-netboot test-linux tests/centre/test_centre_higher.py tests/centre/test_centre_show.py",
