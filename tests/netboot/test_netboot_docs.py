@@ -24,12 +24,13 @@ HERE = "see the message"
 
 
 def kinds(base: type[NetbootError] = NetbootError) -> Iterator[type[NetbootError]]:
-    """What a user may meet: all that modules of the tool define, but private ones."""
+    """What a user may meet: all that modules of the tool define; a worker may have imported others' before."""
     for module in pkgutil.walk_packages(nuc980.netboot.__path__, "nuc980.netboot."):
         if not module.name.endswith("__main__"):
             importlib.import_module(module.name)
     for kind in base.__subclasses__():
-        yield kind
+        if kind.__module__.startswith("nuc980."):
+            yield kind
         yield from kinds(kind)
 
 

@@ -581,7 +581,8 @@ def test_terminal_needs_a_terminal(wire: Pty) -> None:
 def test_every_error_of_the_line_says_cause_and_next_step() -> None:
     def below(kind: type[NetbootError]) -> Iterator[type[NetbootError]]:
         for child in kind.__subclasses__():
-            yield child
+            if child.__module__.startswith("nuc980."):
+                yield child
             yield from below(child)
 
     assert [
