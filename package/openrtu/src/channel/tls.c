@@ -131,6 +131,16 @@ static int keep_session(SSL *tls, SSL_SESSION *session)
 	return 1;
 }
 
+/* When it began. OpenSSL 3.3 brings the one that knows times after 2038, 3.4 deprecates the other. */
+static time_t begin_of(const SSL_SESSION *session)
+{
+#if OPENSSL_VERSION_NUMBER >= 0x30300000L
+	return SSL_SESSION_get_time_ex(session);
+#else
+	return SSL_SESSION_get_time(session);
+#endif
+}
+
 /* With other files the certificate is looked at anew; and so it is after resumption_s. */
 static void resume(const struct channel *channel)
 {
@@ -139,7 +149,7 @@ static void resume(const struct channel *channel)
 	if (station->session == NULL)
 		return;
 	if (station->reading != readings || !SSL_SESSION_is_resumable(station->session) ||
-	    time(NULL) - SSL_SESSION_get_time(station->session) > settings->resumption_s)
+	    time(NULL) - begin_of(station->session) > settings->resumption_s)
 		channel_forget(station);
 	else
 		SSL_set_session(channel->tls, station->session);
