@@ -5,6 +5,7 @@ import asyncio
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,10 @@ import pytest
 from iec61850 import ClientReport, IedConnection, RcbWriteMask, TriggerOptions
 
 from desk import Substation, gateway_on_lines, patience
-from lab.gateway import free_port
+from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from peers import mms
 from peers.mms import DONE, Client, element
+from peers.outstation import INTERROGATED, Outstation, asdu, time56
 
 CA, DEVICE, DOMAIN, BLOCK = 1005, "1.5", "OpenRTUCA1005", "LLN0$BR$brcbStatus01"
 INPUTS, KEPT = 20, 128
@@ -170,6 +172,34 @@ def test_what_happens_without_a_client_is_kept(plant: Plant) -> None:
         begin(client, NOTHING)
         assert [entry.key for entry in taken(client, 3 * INPUTS)] == [entry.key for entry in entries + live]
         assert nothing_more(client)
+
+
+def test_an_event_of_before_is_told_and_then_the_state_again(programs: Path) -> None:
+    """An outstation that tells what it had kept; a client that keeps the last report has the state."""
+    port, directory = free_port(), run_directory()
+    point = {"type": "single", "ioa": 1, "name": "breaker"}
+    with Outstation() as town:
+        town.interrogated = [asdu(1, INTERROGATED, 1, (1, b"\x01"))]
+        station = {
+            "name": "town",
+            "addresses": ["127.0.0.1"],
+            "port": town.port,
+            "sets": [{"ca": 501, "remote_ca": 1, "points": [point]}],
+        }
+        config = listening_on({"port": [], "outstations": [station]}, free_port())
+        config["iec61850"] = {"address": "127.0.0.1", "port": port}
+        with Gateway(config, directory, programs) as gateway, Client(port) as client:
+            gateway.wait_for(lambda: gateway.points()["breaker"]["quality"] == "good", 60.0, "it is known")
+            domain, block = "OpenRTUCA501", "LLN0$BR$brcbStatus01"
+            for name, value in (("PurgeBuf", YES), ("RptEna", YES)):
+                assert client.write(domain, (f"{block}${name}", value)) == [DONE]
+            old = datetime.now(UTC) - timedelta(seconds=60)
+            town.say(30, 1, (1, b"\x00" + time56(old)))
+            values = [mms.elements(client.report()[7][1]) for _ in range(2)]
+    remove(directory)
+    assert [state[1] != b"\0" for state, _, _ in values] == [False, True]
+    first, second = (int.from_bytes(moment[1][:4], "big") for _, _, moment in values)
+    assert first == int(old.timestamp()) and second >= first + 50
 
 
 @pytest.mark.slow

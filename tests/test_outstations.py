@@ -220,6 +220,79 @@ def test_events_have_the_outstations_time(gateway: Run, town: Outstation) -> Non
     assert counters(one)["town.untimely"] == 1
 
 
+def before(seconds: float) -> bytes:
+    return time56(datetime.datetime.now(datetime.UTC) - datetime.timedelta(seconds=seconds))
+
+
+def scaled(value: int) -> bytes:
+    return struct.pack("<hB", value, 0)
+
+
+@pytest.mark.slow
+def test_what_was_before_an_interrogation_is_an_event_and_no_state(gateway: Run, town: Outstation) -> None:
+    """A station answers the interrogation, then tells what it had kept, as lib60870's do. It is asked again,
+    and whoever keeps the last event has the state in the end."""
+    one = gateway(outstation(town.port))
+    wait_value(one, "level", -7)
+    with Master(*one.address) as master:
+        mark = master.mark()
+        town.say(35, THERE, (6, scaled(50) + before(60)))
+        old = master.wait(lambda r: r.ioa == 106, since=mark, what="the old event")
+        assert (old.value, old.good) == (50, True)
+        assert old.recorded_at is not None
+        age = datetime.datetime.now(datetime.UTC) - old.recorded_at
+        assert age > datetime.timedelta(seconds=59)
+        assert one.points("level")["level"]["value"] == -7
+        mark = master.mark()
+        master.interrogate(CA)
+        assert next(r.value for r in master.reports_since(mark) if r.ioa == 106) == -7
+        mark = master.mark()
+        state = master.wait(lambda r: r.ioa == 106, since=mark, what="the state again")
+        assert state.value == -7
+    assert counters(one)["town.past"] == 1
+    assert one.log().count("tells events of before its last interrogation") == 1
+
+
+@pytest.mark.slow
+def test_station_with_a_slow_clock_is_believed_by_interrogations(gateway: Run, town: Outstation) -> None:
+    one = gateway(outstation(town.port))
+    wait_value(one, "level", -7)
+    town.interrogated[5] = asdu(11, INTERROGATED, THERE, (6, scaled(50)))
+    town.say(35, THERE, (6, scaled(50) + before(60)))
+    wait_value(one, "level", 50)
+
+
+def test_events_among_themselves_are_in_the_order_of_their_tags(gateway: Run, town: Outstation) -> None:
+    """One without a tag is of now; what was asked for is the state, whatever its tag."""
+    one = gateway(outstation(town.port))
+    wait_value(one, "level", -7)
+    for seconds, value in ((0.0, 1), (5.0, 2), (3.0, 3)):
+        town.say(35, THERE, (6, scaled(value) + before(seconds)))
+    town.say(11, THERE, (6, scaled(4)))
+    town.say(35, THERE, (6, scaled(5) + before(2)))
+    town.say(36, THERE, (7, struct.pack("<fB", 9.0, 0) + before(0)))
+    wait_value(one, "power", 9.0)
+    assert one.points("level")["level"]["value"] == 4
+    town.say(35, THERE, (6, scaled(6) + before(300)), cause=5)
+    wait_value(one, "level", 6)
+
+
+def test_place_of_before_is_an_event_and_no_state(gateway: Run, town: Outstation) -> None:
+    van = outstation(town.port)
+    van["sets"][0]["points"].append({"name": "van", "type": "position", "ioa": 200, "remote_ioa": 9})
+    one = gateway(van)
+    wait_quality(one, "power", "good")
+    town.say(201, THERE, (9, place(448125000, 204612000, 1372)))
+    wait_value(one, "van.latitude", 44.8125)
+    with RawMaster(*one.address) as master:
+        master.request(C_RD, 9999, 1, b"")
+        town.say(201, THERE, (9, place(10000000, 20000000, 5)[:-7] + before(60)))
+        told = master.answer(201)
+        assert int.from_bytes(told.body[3:7], "little") == 10000000
+    assert one.points("van.latitude")["van.latitude"]["value"] == 44.8125
+    assert counters(one)["town.past"] == 1
+
+
 def test_several_events_of_one_point_in_one_asdu(gateway: Run, town: Outstation) -> None:
     one = gateway(outstation(town.port))
     wait_quality(one, "power", "good")

@@ -17,6 +17,7 @@ struct iec104_outstation_stats {
 	_Atomic uint32_t unmapped; /* that are no point of ours */
 	_Atomic uint32_t mistyped; /* of another type than their point */
 	_Atomic uint32_t untimely; /* with a time tag that cannot be: of later, or of long ago */
+	_Atomic uint32_t past;     /* events of before what the map had of their point */
 	_Atomic uint32_t unknown;  /* ASDUs of types that are not decoded */
 	_Atomic uint32_t refused;  /* commands that it refused, or did not confirm or terminate */
 };

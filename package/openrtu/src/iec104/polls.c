@@ -31,6 +31,14 @@ void iec104_polls_renew(struct iec104_poll *polls, uint32_t count, uint16_t ca, 
 			polls[i].due_ns = now_ns;
 }
 
+void iec104_polls_doubt(struct iec104_poll *polls, uint32_t count, uint16_t ca, int64_t now_ns)
+{
+	for (uint32_t i = 0; i < count; i++)
+		if (polls[i].kind == IEC104_POLL_INTERROGATION && polls[i].ca == ca)
+			polls[i].due_ns =
+			    earlier(polls[i].due_ns, later(now_ns, polls[i].sent_ns + REPEAT_NS));
+}
+
 void iec104_polls_failed(struct iec104_poll *polls, uint32_t count,
 			 const struct iec104_controlling_request *request, int64_t now_ns)
 {
@@ -59,6 +67,7 @@ uint32_t iec104_poll_post(const struct iec104_poll *poll, struct iec104_controll
 
 void iec104_poll_put_off(struct iec104_poll *poll, int64_t now_ns)
 {
+	poll->sent_ns = now_ns;
 	if (poll->period_ns == 0)
 		poll->due_ns = INT64_MAX;
 	else

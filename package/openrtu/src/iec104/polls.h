@@ -22,6 +22,7 @@ struct iec104_poll {
 	uint32_t ioa;      /* of a read */
 	int64_t period_ns; /* 0: at the start only */
 	int64_t due_ns;    /* CLOCK_MONOTONIC, while data transfer is started */
+	int64_t sent_ns;   /* the last; 0: none */
 };
 
 /* Data transfer has started. */
@@ -30,6 +31,8 @@ void iec104_polls_begin(struct iec104_poll *polls, uint32_t count, int64_t now_n
 struct iec104_poll *iec104_polls_next(struct iec104_poll *polls, uint32_t count);
 /* A station was initialised: it has to be asked for everything (IEC 60870-5-5, 6.1.5). */
 void iec104_polls_renew(struct iec104_poll *polls, uint32_t count, uint16_t ca, int64_t now_ns);
+/* What it said contradicts what is known of its points: it is asked again soon, which only it can decide. */
+void iec104_polls_doubt(struct iec104_poll *polls, uint32_t count, uint16_t ca, int64_t now_ns);
 /* It has ended without success: soon an interrogation is tried again, without which nobody knows the points. */
 void iec104_polls_failed(struct iec104_poll *polls, uint32_t count,
 			 const struct iec104_controlling_request *request, int64_t now_ns);

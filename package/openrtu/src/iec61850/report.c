@@ -108,6 +108,18 @@ static void note(struct iec61850_server *server, uint32_t point, const struct ma
 	mark_point(model, point, reason, now_ns);
 }
 
+/* Of before the state: buffered reports alone tell what was, and behind it the state again. */
+static void note_past(struct iec61850_server *server, uint32_t point, const struct map_sample *sample)
+{
+	const struct iec61850_model *model = &server->model;
+	const unsigned reason = reason_of(model->config, point, sample, &model->image[point]);
+
+	if (reason == 0)
+		return;
+	iec61850_buffer_add(&server->model.buffer, point, (uint8_t)reason, sample);
+	iec61850_buffer_add(&server->model.buffer, point, (uint8_t)reason, &model->image[point]);
+}
+
 static void note_owner(struct iec61850_server *server, uint32_t module, int64_t now_ns)
 {
 	struct map_sample sample;
@@ -127,8 +139,11 @@ void iec61850_report_event(struct iec61850_server *server, const struct map_even
 {
 	switch ((enum map_event_kind)event->kind) {
 	case MAP_EVENT_CHANGE: /* those of an earlier start are buffered blocks' */
-		if (event->time == MAP_TIME_MONOTONIC && event->point < server->model.config->point_count)
-			/* What a former process had not taken, the image may have already: it is a change. */
+		if (event->time != MAP_TIME_MONOTONIC || event->point >= server->model.config->point_count)
+			return;
+		if (event->past)
+			note_past(server, event->point, &event->sample);
+		else /* What a former process had not taken, the image may have already: it is a change. */
 			note(server, event->point, &event->sample,
 			     server->catching_up ? IEC61850_DATA_CHANGE | IEC61850_RANGE_CHANGE
 						 : IEC61850_DATA_UPDATE,

@@ -120,7 +120,7 @@ struct openrtu_event {
 
 /*
  * The next event: those of one point in order, and what waits by its time; each comes once, from the start of the program on. It may be newer than the
- * inputs that the scan has frozen. When a module ends, each of its points has one that is invalid. False: there is none.
+ * inputs that the scan has frozen, or older than what its point is: a state does not go back in time. When a module ends, each of its points has one that is invalid. False: there is none.
  */
 bool openrtu_event_next(struct openrtu *rtu, struct openrtu_event *out);
 /* How many events of the gateway were overwritten before this module has read on. rtuctl modules shows them. */

@@ -200,6 +200,7 @@ enum map_event_rule {
 enum map_update_flag {
 	MAP_UPDATE_KEEPS_VALUE = 1u << 0, /* only quality and time are new: the sample's value is not read */
 	MAP_UPDATE_NARROW = 1u << 1,      /* of a counter that has 16 bits at its source */
+	MAP_UPDATE_PAST = 1u << 2,        /* of before what is published: an event, and no state */
 };
 
 struct map_update {
@@ -221,6 +222,10 @@ struct map_update {
  * source itself is never written. A source that falls back has been reset or exchanged: the reading begins anew with it, and
  * is adjusted. A narrow counter's reading goes on where that wraps, which must be published before it has counted 32 768; when
  * it falls back further, the reading goes on from where it was, and is adjusted. An invalid sample changes no reading.
+ *
+ * A state never goes back in time: whoever is told a point by two ways, as an interrogation and a station's events, says of an
+ * event of before that it is past. An owner judges that by its source's order; the map does not compare times, since a source's
+ * clock may be set.
  */
 void map_publish(struct map *map, const struct map_update *updates, size_t count);
 
@@ -264,7 +269,7 @@ struct map_event {
 	uint8_t kind;  /* enum map_event_kind */
 	uint8_t cause; /* MAP_EVENT_CHANGE: enum map_cause */
 	uint8_t time;  /* enum map_event_time; not monotonic: restored from the journal */
-	uint8_t reserved;
+	uint8_t past;  /* by MAP_UPDATE_PAST: the point was newer already */
 	struct map_sample sample;
 };
 

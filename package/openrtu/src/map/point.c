@@ -76,6 +76,7 @@ void event_put(struct map *map, const struct map_update *update)
 	struct map_event event = {.point = slot_of(map, update->point), /* its number may change: map_renew */
 				  .kind = MAP_EVENT_CHANGE,
 				  .cause = update->cause,
+				  .past = (update->flags & MAP_UPDATE_PAST) != 0,
 				  .sample = update->sample};
 
 	ring_put(&map->segments[map->self].events, &event);

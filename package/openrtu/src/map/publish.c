@@ -105,8 +105,11 @@ static void fill(struct map *map, const struct map_update *update, unsigned copy
 {
 	struct cover *cover = cover_of(map, update->point);
 	struct map_sample *shown = &map->segments[map->self].samples[copy][slot_of(map, update->point)];
-	struct map_sample sample = sample_of(map, update);
+	struct map_sample sample;
 
+	if (update->flags & MAP_UPDATE_PAST)
+		return;
+	sample = sample_of(map, update);
 	*shown = cover != NULL ? cover->shown : sample;
 	if (cover != NULL)
 		cover->below[copy] = sample;
@@ -122,6 +125,16 @@ static void fill_again(struct map *map, uint32_t point, unsigned from, unsigned 
 		cover->below[to] = cover->below[from];
 }
 
+/* What an event tells that leaves the point as it is: of a counter the reading, by its last reset. */
+static struct map_sample past_sample(const struct map *map, const struct map_update *update)
+{
+	struct map_sample sample = update->sample;
+
+	if (map_class_of(&map->config.points[update->point]) == MAP_CLASS_TOTAL)
+		sample.value.u -= total_current(total_own(map, update->point)).offset;
+	return sample;
+}
+
 /* samples: what the updates left. */
 static bool put_events(struct map *map, const struct map_update *updates, size_t count,
 		       const struct map_sample *samples)
@@ -130,8 +143,11 @@ static bool put_events(struct map *map, const struct map_update *updates, size_t
 
 	for (size_t i = 0; i < count; i++) {
 		struct map_update left = updates[i];
+		const bool past = (left.flags & MAP_UPDATE_PAST) != 0;
 
-		left.sample = samples[map->config.points[left.point].slot];
+		left.sample = past ? past_sample(map, &left) : samples[map->config.points[left.point].slot];
+		if (cover_of(map, left.point) != NULL && past)
+			continue;
 		if (cover_of(map, left.point) != NULL)
 			left.event_rule = MAP_EVENT_BY_CHANGE; /* what is below is worth no event */
 		if (!is_event(map, &left))

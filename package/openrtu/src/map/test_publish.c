@@ -75,6 +75,36 @@ static void test_an_update_can_keep_the_value(void **state)
 	map_detach(reader);
 }
 
+/* A station's interrogation answered before its backlog was told. */
+static void test_what_was_before_is_an_event_and_no_state(void **state)
+{
+	struct stage *stage = *state;
+	struct map *owner = start(stage, FIRST), *reader = start(stage, "rtu-iec104");
+	struct map_update update = scaled(1, 100, MAP_GOOD, 20);
+	struct map_cursor cursor;
+	struct map_event event;
+
+	map_publish(owner, &update, 1);
+	map_cursor_to_end(reader, &cursor);
+	update = scaled(1, 50, MAP_GOOD, 10);
+	update.flags = MAP_UPDATE_PAST;
+	update.event_rule = MAP_EVENT_ALWAYS;
+	map_publish(owner, &update, 1);
+	assert_sample(reader, 1, 100, MAP_GOOD);
+	assert_true(map_event_next(reader, &cursor, &event));
+	assert_int_equal(event.sample.value.i, 50);
+	assert_int_equal(event.sample.time_ns, 10);
+	assert_true(event.past);
+	/* Whoever keeps the last event has what was: so the state is news again. */
+	update = scaled(1, 100, MAP_GOOD, 30);
+	map_publish(owner, &update, 1);
+	assert_true(map_event_next(reader, &cursor, &event));
+	assert_int_equal(event.sample.value.i, 100);
+	assert_false(event.past);
+	map_detach(owner);
+	map_detach(reader);
+}
+
 static void test_points_are_invalid_before_the_first_sample_and_after_the_end(void **state)
 {
 	struct stage *stage = *state;
@@ -301,6 +331,7 @@ int main(void)
 	    TEST(test_published_samples_are_read_by_others),
 	    TEST(test_what_was_not_published_since_is_not_read_again),
 	    TEST(test_an_update_can_keep_the_value),
+	    TEST(test_what_was_before_is_an_event_and_no_state),
 	    TEST(test_points_are_invalid_before_the_first_sample_and_after_the_end),
 	    TEST(test_events_are_changes_beyond_the_deadband),
 	    TEST(test_owner_says_what_is_an_event),

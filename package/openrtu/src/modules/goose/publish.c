@@ -111,6 +111,8 @@ static void take_events(struct wire *wire, int64_t now_ns)
 
 	while (taken < EVENTS_A_TURN && map_event_next(map, &cursor, &event)) {
 		taken++;
+		if (event.past)
+			continue; /* a message tells the state */
 		if (event.kind == MAP_EVENT_CHANGE)
 			take_change(wire, &event, now_ns);
 		else if (event.kind != MAP_EVENT_CLOCK)

@@ -124,6 +124,7 @@ static void name_counters(const struct iec104_outstation *config, const struct i
 	map_name_counter(map, &stats->unmapped, "%s.unmapped", config->name);
 	map_name_counter(map, &stats->mistyped, "%s.mistyped", config->name);
 	map_name_counter(map, &stats->untimely, "%s.untimely", config->name);
+	map_name_counter(map, &stats->past, "%s.past", config->name);
 	map_name_counter(map, &stats->unknown, "%s.unknown", config->name);
 	map_name_counter(map, &stats->refused, "%s.refused", config->name);
 }

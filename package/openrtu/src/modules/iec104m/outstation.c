@@ -12,11 +12,36 @@
 
 /* ---- what it says ------------------------------------------------------------------------ */
 
+static struct values_moment moment_of(const struct outstation *outstation)
+{
+	const int64_t now_ns = outstation->now.monotonic_ns;
+
+	return (struct values_moment){.now_ns = now_ns,
+				      .asked_ns = outstation->poll != 0 ? outstation->asked_ns : now_ns,
+				      .clock = outstation->clock};
+}
+
+/*
+ * An event of before what is known: the station had kept it, or its clock is behind and it is news. An interrogation says what
+ * is true, and is an event behind this one.
+ */
+static void doubt(struct outstation *outstation, uint16_t ca)
+{
+	iec104_polls_doubt(outstation->polls, outstation->poll_count, ca, outstation->now.monotonic_ns);
+	if (!outstation->doubted)
+		map_log(outstation->map, MAP_LOG_INFO,
+			"%s: CA %" PRIu16 " tells events of before its last interrogation: they go on, its "
+			"points stay, and it is interrogated again",
+			outstation->config->name, ca);
+	outstation->doubted = true;
+}
+
 static void on_information(void *context, const struct iec104_asdu *asdu,
 			   const struct iec104_information *information)
 {
 	struct outstation *outstation = context;
 	const struct values_entry *entry = values_find(&outstation->values, asdu->ca, information->ioa);
+	const struct values_moment moment = moment_of(outstation);
 	enum map_cause cause = MAP_SPONTANEOUS;
 
 	if (asdu->test || asdu->negative)
@@ -28,18 +53,19 @@ static void on_information(void *context, const struct iec104_asdu *asdu,
 	}
 	if (entry != NULL)
 		cause = commands_cause(&outstation->commands, entry->point, asdu->cause);
-	values_take(&outstation->values, asdu, information, cause, outstation->now.monotonic_ns,
-		    outstation->clock);
+	if (!values_take(&outstation->values, asdu, information, cause, &moment))
+		doubt(outstation, asdu->ca);
 }
 
 static void on_position(void *context, const struct iec104_asdu *asdu, uint32_t ioa,
 			const struct iec104_geoposition *position)
 {
 	struct outstation *outstation = context;
+	const struct values_moment moment = moment_of(outstation);
 
-	if (!asdu->test && !asdu->negative)
-		values_take_position(&outstation->values, asdu, ioa, position, outstation->now.monotonic_ns,
-				     outstation->clock);
+	if (!asdu->test && !asdu->negative &&
+	    !values_take_position(&outstation->values, asdu, ioa, position, &moment))
+		doubt(outstation, asdu->ca);
 }
 
 /* Its failure is said once, until one succeeds or there is data transfer again. */
@@ -162,6 +188,7 @@ static void ask_next(struct outstation *outstation)
 		return;
 	}
 	outstation->poll = iec104_poll_post(poll, &outstation->active->controlling, outstation->now);
+	outstation->asked_ns = now_ns;
 	if (outstation->poll != 0)
 		iec104_poll_put_off(poll, now_ns);
 	else
@@ -185,6 +212,7 @@ static void note_start(struct outstation *outstation)
 	outstation->taken_over = false;
 	outstation->failing = false;
 	outstation->unanswered = false;
+	outstation->doubted = false;
 	outstation->valid_until_ns = INT64_MAX;
 	outstation->poll = 0;
 	outstation->poll_ns = 0;

@@ -18,12 +18,14 @@ struct outstation {
 	struct link *active; /* that was asked to start; NULL: none */
 	struct iec104_poll *polls;
 	uint32_t poll_count;
-	uint32_t poll;   /* the request that is one; 0: none is under way */
-	int64_t poll_ns; /* the next at the earliest */
-	bool valid;      /* its points may be good: they are so from the start to the loss of all links */
-	bool taken_over; /* they are a former process's, and there was no data transfer yet */
-	bool failing;    /* that has been said */
-	bool unanswered; /* the last general interrogation failed, which has been said */
+	uint32_t poll;    /* the request that is one; 0: none is under way */
+	int64_t poll_ns;  /* the next at the earliest */
+	int64_t asked_ns; /* when that under way was sent */
+	bool valid;       /* its points may be good: they are so from the start to the loss of all links */
+	bool taken_over;  /* they are a former process's, and there was no data transfer yet */
+	bool failing;     /* that has been said */
+	bool doubted;     /* it told what was before, which has been said of this data transfer */
+	bool unanswered;  /* the last general interrogation failed, which has been said */
 	int64_t valid_until_ns; /* without data transfer, while another link takes over */
 	struct iec104_moment now;
 	struct map_clock clock;

@@ -34,11 +34,13 @@ static void add_set(struct values *values, const struct map_set *set, const stru
 	    iec104_outstation_points(map_config(values->map)) + of->first_point;
 
 	for (uint32_t i = 0; i < set->point_count; i++)
-		values->entries[values->count++] = (struct values_entry){.ca = of->ca,
-									 .ioa = points[i].ioa,
-									 .point = set->first_point + i,
-									 .command_ioa = points[i].command_ioa,
-									 .select = points[i].select};
+		values->entries[values->count++] = (struct values_entry){
+		    .ca = of->ca,
+		    .ioa = points[i].ioa,
+		    .point = set->first_point + i,
+		    .command_ioa = points[i].command_ioa,
+		    .select = points[i].select,
+		    .known_ns = map_own_sample(values->map, set->first_point + i).time_ns};
 }
 
 bool values_init(struct values *values, struct map *map, const struct iec104_outstation *outstation,
@@ -121,19 +123,24 @@ static int type_of(enum iec104_content content)
 	return -1;
 }
 
-/* Its own time tag, if that can be; else when it came. */
-static int64_t moment_of(struct values *values, bool tagged, int64_t wall_ns, int64_t now_ns,
-			 struct map_clock clock)
+/* Of its own time tag, which is true if that can be; else of when it came. */
+struct tag {
+	int64_t at_ns;
+	bool true_time;
+};
+
+static struct tag tag_of(struct values *values, bool tagged, int64_t wall_ns,
+			 const struct values_moment *moment)
 {
-	int64_t moment_ns = wall_ns - clock.offset_ns;
+	const int64_t at_ns = wall_ns - moment->clock.offset_ns, now_ns = moment->now_ns;
 
 	if (!tagged)
-		return now_ns;
-	if (moment_ns > now_ns + AHEAD_NS || moment_ns <= now_ns - BEHIND_NS) {
+		return (struct tag){now_ns, false};
+	if (at_ns > now_ns + AHEAD_NS || at_ns <= now_ns - BEHIND_NS) {
 		map_count(&values->stats->untimely, 1);
-		return now_ns;
+		return (struct tag){now_ns, false};
 	}
-	return earlier(moment_ns, now_ns);
+	return (struct tag){earlier(at_ns, now_ns), true};
 }
 
 /* Who says that something has happened means an event; what was asked for is one only if it is news. */
@@ -149,6 +156,22 @@ static enum map_event_rule rule_of(const struct iec104_asdu *asdu)
 	}
 }
 
+/*
+ * True: it is an event of before what the map has of the point, as one that its station had kept. Tags are of whole milliseconds.
+ * Otherwise it is what is known from now on: since its tag, or since it was asked for.
+ */
+static bool is_of_before(struct values_entry *entry, enum map_event_rule rule, const struct tag *tag,
+			 const struct values_moment *moment)
+{
+	if (rule != MAP_EVENT_ALWAYS)
+		entry->known_ns = later(entry->known_ns, moment->asked_ns);
+	else if (tag->true_time && tag->at_ns + NS_PER_MS <= entry->known_ns)
+		return true;
+	else
+		entry->known_ns = later(entry->known_ns, tag->at_ns);
+	return false;
+}
+
 /* A point is once in what is published together, and all of that is of one set. */
 static void make_room(struct values *values, const struct values_entry *entry)
 {
@@ -162,33 +185,48 @@ static void make_room(struct values *values, const struct values_entry *entry)
 		values->batch++;
 }
 
-void values_take(struct values *values, const struct iec104_asdu *asdu,
-		 const struct iec104_information *information, enum map_cause cause, int64_t now_ns,
-		 struct map_clock clock)
+static bool differs(const struct values *values, uint32_t point, const struct map_sample *sample)
+{
+	const struct map_sample is = map_own_sample(values->map, point);
+
+	return is.quality != sample->quality || is.value.u != sample->value.u;
+}
+
+bool values_take(struct values *values, const struct iec104_asdu *asdu,
+		 const struct iec104_information *information, enum map_cause cause,
+		 const struct values_moment *moment)
 {
 	struct values_entry *entry = (struct values_entry *)values_find(values, asdu->ca, information->ioa);
+	const enum map_event_rule rule = rule_of(asdu);
+	struct map_update *update;
+	struct tag tag;
 
 	if (entry == NULL) {
 		map_count(&values->stats->unmapped, 1);
-		return;
+		return true;
 	}
 	if (type_of(information->content) != map_config(values->map)->points[entry->point].type ||
 	    (map_config(values->map)->points[entry->point].flags & MAP_POINT_POSITION) != 0) {
 		map_count(&values->stats->mistyped, 1);
-		return;
+		return true;
 	}
 	make_room(values, entry);
 	entry->batch = values->batch;
-	values->updates[values->update_count++] = (struct map_update){
-	    .point = entry->point,
-	    .cause = (uint8_t)cause,
-	    .event_rule = (uint8_t)rule_of(asdu),
-	    .sample = {.value = information->value,
-		       .quality = information->quality & QUALITY_MASK,
-		       .detail = information->detail,
-		       .time_ns = moment_of(values, information->tagged && !information->time_invalid,
-					    information->wall_ns, now_ns, clock)}};
+	tag = tag_of(values, information->tagged && !information->time_invalid, information->wall_ns, moment);
+	update = &values->updates[values->update_count++];
+	*update = (struct map_update){.point = entry->point,
+				      .cause = (uint8_t)cause,
+				      .event_rule = (uint8_t)rule,
+				      .sample = {.value = information->value,
+						 .quality = information->quality & QUALITY_MASK,
+						 .detail = information->detail,
+						 .time_ns = tag.at_ns}};
 	map_count(&values->stats->objects, 1);
+	if (!is_of_before(entry, rule, &tag, moment))
+		return true;
+	update->flags = MAP_UPDATE_PAST;
+	map_count(&values->stats->past, 1);
+	return !differs(values, entry->point, &update->sample);
 }
 
 /* The samples of the points of a position. The altitude that is not known is invalid, and so is all but the altitude in range. */
@@ -211,38 +249,42 @@ static void samples_of(const struct iec104_geoposition *position, int64_t time_n
 static bool is_news(const struct values *values, uint32_t point,
 		    const struct map_sample samples[IEC104_OUTSTATION_POSITION_POINTS])
 {
-	for (uint32_t i = 0; i < IEC104_OUTSTATION_POSITION_POINTS; i++) {
-		const struct map_sample last = map_own_sample(values->map, point + i);
-
-		if (last.quality != samples[i].quality || last.value.u != samples[i].value.u)
+	for (uint32_t i = 0; i < IEC104_OUTSTATION_POSITION_POINTS; i++)
+		if (differs(values, point + i, &samples[i]))
 			return true;
-	}
 	return false;
 }
 
-void values_take_position(struct values *values, const struct iec104_asdu *asdu, uint32_t ioa,
-			  const struct iec104_geoposition *position, int64_t now_ns, struct map_clock clock)
+bool values_take_position(struct values *values, const struct iec104_asdu *asdu, uint32_t ioa,
+			  const struct iec104_geoposition *position, const struct values_moment *moment)
 {
 	struct values_entry *entry = (struct values_entry *)values_find(values, asdu->ca, ioa);
 	struct map_sample samples[IEC104_OUTSTATION_POSITION_POINTS];
-	bool event;
+	const enum map_event_rule rule = rule_of(asdu);
+	bool event, past, news;
+	struct tag tag;
 
 	if (entry == NULL ||
 	    (map_config(values->map)->points[entry->point].flags & MAP_POINT_POSITION) == 0) {
 		map_count(entry == NULL ? &values->stats->unmapped : &values->stats->mistyped, 1);
-		return;
+		return true;
 	}
-	samples_of(position, moment_of(values, !position->time_invalid, position->wall_ns, now_ns, clock),
-		   samples);
+	tag = tag_of(values, !position->time_invalid, position->wall_ns, moment);
+	samples_of(position, tag.at_ns, samples);
 	values_publish(values); /* what came before it; it is compared with what is there */
-	event = rule_of(asdu) == MAP_EVENT_ALWAYS || is_news(values, entry->point, samples);
+	news = is_news(values, entry->point, samples);
+	event = rule == MAP_EVENT_ALWAYS || news;
+	past = is_of_before(entry, rule, &tag, moment);
 	for (uint32_t i = 0; i < IEC104_OUTSTATION_POSITION_POINTS; i++)
 		values->updates[values->update_count++] = (struct map_update){
 		    .point = entry->point + i,
+		    .flags = past ? MAP_UPDATE_PAST : 0,
 		    .event_rule = (uint8_t)(event ? MAP_EVENT_ALWAYS : MAP_EVENT_BY_QUALITY),
 		    .sample = samples[i]};
 	values_publish(values);
 	map_count(&values->stats->objects, 1);
+	map_count(&values->stats->past, past);
+	return !past || !news;
 }
 
 void values_publish(struct values *values)
@@ -263,6 +305,7 @@ void values_invalidate(struct values *values, int64_t now_ns)
 			values_publish(values); /* a position is not cut */
 		make_room(values, entry);
 		entry->batch = values->batch;
+		entry->known_ns = now_ns;
 		values->updates[values->update_count++] =
 		    (struct map_update){.point = entry->point,
 					.flags = MAP_UPDATE_KEEPS_VALUE,

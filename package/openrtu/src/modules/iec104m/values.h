@@ -16,7 +16,8 @@ struct values_entry {
 	uint32_t point;
 	uint32_t command_ioa;
 	bool select;
-	uint32_t batch; /* the last that it was in */
+	uint32_t batch;   /* the last that it was in */
+	int64_t known_ns; /* what the map has of it was so then; an event of before is past */
 };
 
 struct values {
@@ -41,16 +42,23 @@ bool values_hold(const struct values *values);
 const struct values_entry *values_of_point(const struct values *values, uint32_t point);
 const struct values_entry *values_find(const struct values *values, uint16_t ca, uint32_t ioa);
 
+/* When something came, by the map's clocks. */
+struct values_moment {
+	int64_t now_ns;
+	int64_t asked_ns; /* what is no event was so at that time or later */
+	struct map_clock clock;
+};
+
 /*
- * An object that came. cause: of its return information (enum map_cause). now_ns and the clock are the map's. It is published
- * with the others of its ASDU by values_publish.
+ * An object that came. cause: of its return information (enum map_cause). It is published with the others of its ASDU by
+ * values_publish. False: it is an event of before what the map has, and contradicts it.
  */
-void values_take(struct values *values, const struct iec104_asdu *asdu,
-		 const struct iec104_information *information, enum map_cause cause, int64_t now_ns,
-		 struct map_clock clock);
+bool values_take(struct values *values, const struct iec104_asdu *asdu,
+		 const struct iec104_information *information, enum map_cause cause,
+		 const struct values_moment *moment);
 /* A position, likewise; its points are published in one step. */
-void values_take_position(struct values *values, const struct iec104_asdu *asdu, uint32_t ioa,
-			  const struct iec104_geoposition *position, int64_t now_ns, struct map_clock clock);
+bool values_take_position(struct values *values, const struct iec104_asdu *asdu, uint32_t ioa,
+			  const struct iec104_geoposition *position, const struct values_moment *moment);
 void values_publish(struct values *values);
 
 /* Nobody knows them any more: all are invalid, with the values that they had. */
