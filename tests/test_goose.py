@@ -409,7 +409,7 @@ def test_only_what_follows_or_starts_anew_is_believed(bay: Bay) -> None:
 def test_process_has_no_rights(bay: Bay) -> None:
     status = Path(f"/proc/{bay.process()}/status").read_text()
     assert re.search(r"^CapEff:\t0+$", status, re.MULTILINE)
-    assert re.search(r"^Uid:\t61218\t", status, re.MULTILINE)
+    assert re.search(r"^Uid:\t61219\t", status, re.MULTILINE)
     assert re.search(r"^Seccomp:\t2$", status, re.MULTILINE)
 
 

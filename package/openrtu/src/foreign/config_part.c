@@ -16,7 +16,7 @@
 #include "foreign/config_keys.h"
 #include "map/type.h"
 
-#define MODULES_MAX              12 /* a map has MAP_MODULES_MAX, with the gateway's own */
+#define MODULES_MAX              48 /* a map has MAP_MODULES_MAX, with the gateway's own */
 #define HEARTBEAT_LIMIT_LEAST_MS 100
 #define HEARTBEAT_LIMIT_MOST_MS  5000
 #define OWN_PREFIX               "rtu" /* of the names of our modules */

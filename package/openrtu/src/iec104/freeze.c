@@ -18,26 +18,26 @@ static bool is_meant(const struct iec104_station *station, const struct iec104_p
 }
 
 /* One point of each owner that has a counter to freeze. Returns the owners, a bit each. */
-static uint32_t find_owners(const struct iec104_station *station, const struct iec104_procedure *procedure,
-			    uint32_t points[MAP_MODULES_MAX])
+static map_modules find_owners(const struct iec104_station *station, const struct iec104_procedure *procedure,
+			       uint32_t points[MAP_MODULES_MAX])
 {
-	uint32_t owners = 0;
+	map_modules owners = 0;
 
 	for (uint32_t i = 0; i < station->config->point_count; i++) {
 		uint32_t owner = map_owner(station->map, i);
 
-		if ((owners & 1u << owner) || !is_meant(station, procedure, i))
+		if ((owners & map_module_bit(owner)) || !is_meant(station, procedure, i))
 			continue;
-		owners |= 1u << owner;
+		owners |= map_module_bit(owner);
 		points[owner] = i;
 	}
 	return owners;
 }
 
-static bool all_alive(const struct iec104_station *station, uint32_t owners)
+static bool all_alive(const struct iec104_station *station, map_modules owners)
 {
-	for (uint32_t i = 0; owners >> i != 0; i++)
-		if ((owners & 1u << i) && !map_alive(station->map, i))
+	for (uint32_t i = 0; i < MAP_MODULES_MAX; i++)
+		if ((owners & map_module_bit(i)) && !map_alive(station->map, i))
 			return false;
 	return true;
 }
@@ -62,7 +62,7 @@ static void ask_owner(struct iec104_station *station, struct iec104_freeze *free
 	if (freeze->ids[owner] == 0)
 		freeze->failed = true;
 	else
-		freeze->waiting |= 1u << owner;
+		freeze->waiting |= map_module_bit(owner);
 }
 
 /* A positive confirmation is the procedure's own, station by station. */
@@ -99,7 +99,7 @@ bool iec104_freeze(struct iec104_station *station, const struct iec104_received 
 {
 	struct iec104_freeze *freeze = free_place(station);
 	uint32_t points[MAP_MODULES_MAX];
-	uint32_t owners = find_owners(station, procedure, points);
+	map_modules owners = find_owners(station, procedure, points);
 
 	if (freeze == NULL || !all_alive(station, owners))
 		return false;
@@ -113,8 +113,8 @@ bool iec104_freeze(struct iec104_station *station, const struct iec104_received 
 	    .deadline_ns = received->now_ns + station->config->settings.command_timeout_s * NS_PER_S,
 	};
 	memcpy(freeze->asdu, received->bytes, received->size);
-	for (uint32_t i = 0; owners >> i != 0; i++)
-		if (owners & 1u << i)
+	for (uint32_t i = 0; i < MAP_MODULES_MAX; i++)
+		if (owners & map_module_bit(i))
 			ask_owner(station, freeze, i, points[i]);
 	if (freeze->waiting == 0)
 		conclude(freeze);
@@ -123,7 +123,7 @@ bool iec104_freeze(struct iec104_station *station, const struct iec104_received 
 
 static void take_end(struct iec104_freeze *freeze, uint32_t owner, bool done)
 {
-	freeze->waiting &= ~(1u << owner);
+	freeze->waiting &= ~map_module_bit(owner);
 	freeze->failed |= !done;
 	if (freeze->waiting == 0)
 		conclude(freeze);
@@ -139,7 +139,8 @@ void iec104_take_freeze_answer(struct iec104_station *station, const struct map_
 	for (unsigned i = 0; i < IEC104_OPEN_FREEZES_MAX; i++) {
 		struct iec104_freeze *freeze = &station->freezes[i];
 
-		if (freeze->used && (freeze->waiting & 1u << owner) && freeze->ids[owner] == answer->id)
+		if (freeze->used && (freeze->waiting & map_module_bit(owner)) &&
+		    freeze->ids[owner] == answer->id)
 			take_end(freeze, owner, answer->state == MAP_EXECUTED_COMMAND);
 	}
 }
@@ -157,8 +158,9 @@ void iec104_conclude_freezes(struct iec104_station *station, int64_t now_ns)
 	for (unsigned i = 0; i < IEC104_OPEN_FREEZES_MAX; i++) {
 		struct iec104_freeze *freeze = &station->freezes[i];
 
-		for (uint32_t owner = 0; freeze->used && freeze->waiting >> owner != 0; owner++)
-			if ((freeze->waiting & 1u << owner) && has_ended(station, freeze, owner, now_ns))
+		for (uint32_t owner = 0; freeze->used && owner < MAP_MODULES_MAX; owner++)
+			if ((freeze->waiting & map_module_bit(owner)) &&
+			    has_ended(station, freeze, owner, now_ns))
 				take_end(freeze, owner, false);
 	}
 }

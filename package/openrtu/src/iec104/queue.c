@@ -32,8 +32,8 @@ static struct map_queue_place place_of(const struct iec104_connection *connectio
 {
 	struct map_queue_place place = {
 	    .cursor = connection->down ? connection->before_down : connection->cursor,
-	    .refresh = connection->refresh_all ? MAP_REFRESH_ALL
-					       : connection->refresh_modules | connection->silent_modules,
+	    .refresh_all = connection->refresh_all,
+	    .refresh_modules = connection->refresh_modules | connection->silent_modules,
 	};
 
 	place.cursor.lost = 0;
@@ -131,7 +131,7 @@ bool iec104_queue_recovers(struct iec104_station *station, uint32_t queue)
 	if (holder != NULL)
 		return holder->refresh_all;
 	map_queue_place(station->map, queue, &place);
-	return place.refresh == MAP_REFRESH_ALL;
+	return place.refresh_all;
 }
 
 /* As long as this takes: a module that puts events faster holds nobody up. */
@@ -154,8 +154,8 @@ static void trim_waiting(struct iec104_station *station, uint32_t slot)
 	drop_oldest(station, &place.cursor, map_queue_limit(&station->config->settings, slot));
 	if (place.cursor.lost == 0)
 		return;
-	episode_begins = place.refresh != MAP_REFRESH_ALL;
-	place.refresh = MAP_REFRESH_ALL;
+	episode_begins = !place.refresh_all;
+	place.refresh_all = true;
 	note_lost(station, slot, episode_begins, place.cursor.lost);
 	place.cursor.lost = 0;
 	map_queue_move(station->map, slot, &place);
@@ -253,7 +253,7 @@ static bool succeed(struct iec104_station *station, const struct iec104_connecti
 static uint32_t new_queue(struct iec104_station *station, const struct iec104_connection *connection)
 {
 	uint32_t slot = unused_queue(station);
-	struct map_queue_place place = {.refresh = 0};
+	struct map_queue_place place = {.refresh_all = 0};
 	struct map_queue former;
 
 	map_queue(station->map, slot, &former);
@@ -287,9 +287,9 @@ static void continue_queue(struct iec104_station *station, struct iec104_connect
 	connection->down = false;
 	connection->silent_modules = 0;
 	connection->refresh = false;
-	connection->refresh_all = place.refresh == MAP_REFRESH_ALL;
-	connection->refresh_modules = connection->refresh_all ? 0 : place.refresh;
-	if (place.refresh != 0)
+	connection->refresh_all = place.refresh_all;
+	connection->refresh_modules = place.refresh_modules;
+	if (place.refresh_all || place.refresh_modules != 0)
 		iec104_begin_refresh(station, connection);
 	connection->overtaken = 0;
 }
@@ -330,8 +330,8 @@ static void join(struct map_queue_place *to, const struct map_queue_place *from)
 	for (uint32_t i = 0; i < MAP_MODULES_MAX; i++)
 		if ((int32_t)(from->cursor.next[i] - to->cursor.next[i]) < 0)
 			to->cursor.next[i] = from->cursor.next[i];
-	to->refresh =
-	    (to->refresh | from->refresh) & MAP_REFRESH_ALL ? MAP_REFRESH_ALL : to->refresh | from->refresh;
+	to->refresh_all |= from->refresh_all;
+	to->refresh_modules |= from->refresh_modules;
 }
 
 static bool is_member(const struct iec104_group *group, const char *text)
@@ -393,7 +393,7 @@ static void adopt_group(struct iec104_station *station, uint32_t index, const st
 	const uint32_t slot = station->config->settings.queues[index].slot;
 	const uint32_t own = queues_of_members(station, group);
 	uint32_t former = own | groups_of_members(group, before);
-	struct map_queue_place anew = {.refresh = 0}, place;
+	struct map_queue_place anew = {.refresh_all = 0}, place;
 
 	map_cursor_to_end(station->map, &anew.cursor);
 	for (; former != 0; former &= former - 1) {
@@ -408,7 +408,7 @@ static void adopt_group(struct iec104_station *station, uint32_t index, const st
 void iec104_adopt_groups(struct iec104_station *station, const struct map_config *before)
 {
 	const struct map_settings *settings = &station->config->settings;
-	struct map_queue_place end = {.refresh = 0};
+	struct map_queue_place end = {.refresh_all = 0};
 
 	for (uint32_t i = 0; i < settings->queue_count; i++)
 		adopt_group(station, i, before);

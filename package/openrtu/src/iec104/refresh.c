@@ -15,7 +15,7 @@ static bool to_be_refreshed(const struct iec104_station *station, const struct i
 			    uint32_t point)
 {
 	return connection->refresh_all ||
-	       (connection->refresh_modules & 1u << map_owner(station->map, point)) != 0;
+	       (connection->refresh_modules & map_module_bit(map_owner(station->map, point))) != 0;
 }
 
 void iec104_begin_refresh(const struct iec104_station *station, struct iec104_connection *connection)
@@ -27,11 +27,13 @@ void iec104_begin_refresh(const struct iec104_station *station, struct iec104_co
 void iec104_refresh_recovered(const struct iec104_station *station, struct iec104_connection *connection,
 			      int64_t now_ns)
 {
-	for (uint32_t i = 0; connection->silent_modules >> i != 0; i++) {
-		if (!(connection->silent_modules & 1u << i) || !map_alive(station->map, i))
+	for (map_modules left = connection->silent_modules; left != 0; left &= left - 1) {
+		const uint32_t i = (uint32_t)__builtin_ctzll(left);
+
+		if (!map_alive(station->map, i))
 			continue;
-		connection->silent_modules &= ~(1u << i);
-		connection->refresh_modules |= 1u << i;
+		connection->silent_modules &= ~map_module_bit(i);
+		connection->refresh_modules |= map_module_bit(i);
 		iec104_begin_refresh(station, connection);
 	}
 	if (connection->silent_modules != 0)

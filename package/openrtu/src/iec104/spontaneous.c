@@ -8,13 +8,13 @@ static void take_module_event(const struct iec104_station *station, struct iec10
 {
 	switch (event->kind) {
 	case MAP_EVENT_MODULE_DOWN:
-		connection->refresh_modules &= ~(1u << event->point);
-		connection->silent_modules &= ~(1u << event->point); /* its return is told */
+		connection->refresh_modules &= ~map_module_bit(event->point);
+		connection->silent_modules &= ~map_module_bit(event->point); /* its return is told */
 		connection->before_down = *before;
 		iec104_begin_invalid(station, connection, event->point, event->sample.time_ns);
 		break;
 	case MAP_EVENT_MODULE_UP:
-		connection->refresh_modules |= 1u << event->point;
+		connection->refresh_modules |= map_module_bit(event->point);
 		iec104_begin_refresh(station, connection);
 		break;
 	default:

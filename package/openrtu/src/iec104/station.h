@@ -130,11 +130,11 @@ struct iec104_connection {
 	uint32_t down_module;
 	int64_t down_ns;
 	struct iec104_sweep down_sweep;
-	bool refresh;             /* current values are being reported as if they had changed: */
-	bool refresh_all;         /* of all points, after lost events, */
-	uint32_t refresh_modules; /* or of modules that are back, a bit each */
+	bool refresh;                /* current values are being reported as if they had changed: */
+	bool refresh_all;            /* of all points, after lost events, */
+	map_modules refresh_modules; /* or of modules that are back */
 	struct iec104_sweep refresh_sweep;
-	uint32_t silent_modules; /* sent as invalid for want of a heartbeat, maybe unseen by rtud */
+	map_modules silent_modules; /* sent as invalid for want of a heartbeat, maybe unseen by rtud */
 
 	struct iec104_procedure procedures[IEC104_INTERROGATIONS_MAX]; /* a ring, the first is under way */
 	unsigned first_procedure, procedure_count;
@@ -172,7 +172,7 @@ struct iec104_freeze {
 	struct iec104_procedure procedure; /* which confirms it */
 	uint8_t asdu[IEC104_COMMAND_MAX];  /* as received */
 	size_t asdu_size;
-	uint32_t waiting; /* for these owners, a bit each */
+	map_modules waiting; /* for these owners */
 	uint32_t ids[MAP_MODULES_MAX];
 	uint32_t generations[MAP_MODULES_MAX]; /* of the owners, when they were asked */
 	int64_t posted_ns, deadline_ns;

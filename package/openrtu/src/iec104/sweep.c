@@ -29,7 +29,7 @@ bool iec104_read_point(const struct iec104_station *station, struct iec104_conne
 						 : map_read(station->map, point, samples)))
 		return false;
 	if ((samples[0].quality & MAP_INVALID) && !map_alive(station->map, owner))
-		connection->silent_modules |= 1u << owner;
+		connection->silent_modules |= map_module_bit(owner);
 	return true;
 }
 

@@ -177,7 +177,7 @@ static void test_nothing_is_loaded_at_first(void **state)
 
 static void test_a_queue_is_a_place_with_a_name_and_counts(void **state)
 {
-	struct map_queue_place place = {.refresh = MAP_REFRESH_ALL}, read;
+	struct map_queue_place place = {.refresh_all = true}, read;
 	const unsigned slot = MAP_NAMED_QUEUES_MAX, other = slot + 1;
 	struct map_queue queue;
 
@@ -204,7 +204,7 @@ static void test_a_queue_is_a_place_with_a_name_and_counts(void **state)
 	map_queue(map, other, &queue);
 	assert_true(queue.used > 1);
 	map_cursor_to_end(map, &place.cursor);
-	place.refresh = 0;
+	place.refresh_all = false;
 	map_queue_move(map, slot, &place);
 	map_queue(map, slot, &queue);
 	assert_int_equal(queue.waiting, 0);

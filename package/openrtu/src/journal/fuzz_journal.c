@@ -135,7 +135,7 @@ static void check_queues(void)
 		struct map_event event;
 
 		map_queue_place(map, slot, &place);
-		CHECK(place.refresh == 0);
+		CHECK(place.refresh_all == 0 && place.refresh_modules == 0);
 		while (map_event_next(map, &place.cursor, &event))
 			CHECK(event.point < POINTS && event.time != MAP_TIME_MONOTONIC);
 		CHECK(map_events_behind(map, &place.cursor) == 0);

@@ -67,7 +67,7 @@ static void publish(struct scene *scene, int count)
 
 static void assign(struct scene *scene)
 {
-	struct map_queue_place place = {.refresh = 0};
+	struct map_queue_place place = {.refresh_all = 0};
 
 	map_cursor_to_end(scene->station, &place.cursor);
 	map_queue_assign(scene->station, OWN, ADDRESS, &place);
@@ -137,7 +137,8 @@ static void assert_waits(struct scene *scene, uint32_t slot, int32_t from, int32
 	}
 	assert_false(map_event_next(scene->station, &place.cursor, &event));
 	assert_int_equal(place.cursor.lost, 0);
-	assert_int_equal(place.refresh, 0);
+	assert_false(place.refresh_all);
+	assert_true(place.refresh_modules == 0);
 }
 
 /* ---- what outlives the power cut --------------------------------------------------------- */

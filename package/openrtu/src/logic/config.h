@@ -7,7 +7,7 @@
 
 #define LOGIC_KIND          "logic"
 #define LOGIC_NAME_SIZE     28 /* of an instance, so that its module's name fits */
-#define LOGIC_INSTANCES_MAX 12
+#define LOGIC_INSTANCES_MAX 32
 
 #define LOGIC_INSTANCES MAP_SECTION_ID('L', 'G', 'C', 'I')
 #define LOGIC_LINKS     MAP_SECTION_ID('L', 'G', 'C', 'L')

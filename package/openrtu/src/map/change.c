@@ -17,14 +17,14 @@ const struct map_module_plan *map_plan_of(const struct map *map, uint32_t module
 	return &map->modules[module].plan;
 }
 
-int map_prepare(const struct map *map, const struct map_config *config, uint32_t kept, uint32_t group,
+int map_prepare(const struct map *map, const struct map_config *config, map_modules kept, uint32_t group,
 		char *error)
 {
 	const uint32_t epoch = map->file->epoch + 1;
 	uint32_t made[MAP_MODULES_MAX];
 
 	for (uint32_t i = 0; i < MAP_MODULES_MAX; i++)
-		made[i] = kept & 1u << i ? map->modules[i].made : epoch;
+		made[i] = kept & map_module_bit(i) ? map->modules[i].made : epoch;
 	return config_create(map->directory_fd, config, epoch, made, group, error);
 }
 
@@ -63,6 +63,10 @@ void map_unlink_former(const struct map *map, const struct map *next)
 			continue;
 		segment_file(name, map->modules[i].plan.name, map->modules[i].made);
 		unlinkat(map->directory_fd, name, 0);
+		if (strcmp(map->modules[i].plan.name, next->modules[i].plan.name) == 0)
+			continue;
+		bell_file(name, map->modules[i].plan.name);
+		unlinkat(map->directory_fd, name, 0);
 	}
 	config_file(name, map->file->epoch);
 	unlinkat(map->directory_fd, name, 0);
@@ -81,6 +85,7 @@ void map_abandon(const struct map *map)
 struct carriage {
 	const struct map *map, *next;
 	uint32_t module;
+	bool another;      /* it has the number of one that is gone */
 	bool valid;        /* its points are, so far as their samples say */
 	struct segment to; /* writable */
 	uint32_t *slots;   /* by the former one; MAP_NONE: there is none */
@@ -106,6 +111,8 @@ static uint32_t new_slot(const struct carriage *carriage, uint32_t slot)
 	const uint32_t point = point_in(map, carriage->module, slot);
 	uint32_t now = MAP_NONE;
 
+	if (carriage->another)
+		return MAP_NONE;
 	if (point < map->config.point_count)
 		now = map_number_now(next, &map->config, point);
 	if (now == MAP_NONE || map_owner(next, now) != carriage->module)
@@ -149,8 +156,22 @@ static void change_event(const struct carriage *carriage, void *record)
 {
 	struct map_event *event = record;
 
-	if (event->kind == MAP_EVENT_CHANGE)
+	if (carriage->another) /* who has not read it, has lost it */
+		event->kind = EVENT_OVERWRITTEN;
+	else if (event->kind == MAP_EVENT_CHANGE)
 		change_slot(carriage, &event->point);
+}
+
+static void change_line(const struct carriage *carriage, void *record)
+{
+	struct map_log_line *line = record;
+	char text[MAP_NAME_SIZE + 2 + MAP_LOG_TEXT_SIZE];
+
+	if (!carriage->another)
+		return;
+	snprintf(text, sizeof(text), "%s: %.*s", carriage->map->modules[carriage->module].plan.name,
+		 MAP_LOG_TEXT_SIZE - 1, line->text);
+	snprintf(line->text, sizeof(line->text), "%.*s", MAP_LOG_TEXT_SIZE - 1, text);
 }
 
 /* Of a ring that was smaller, a reader who was too late for these has lost them. */
@@ -204,7 +225,7 @@ static void carry_rings(const struct carriage *carriage)
 	carry_ring(carriage, &from->requests, &to->requests, NULL);
 	carry_ring(carriage, &from->answers, &to->answers, change_answer);
 	carry_ring(carriage, &from->events, &to->events, change_event);
-	carry_ring(carriage, &from->log, &to->log, NULL);
+	carry_ring(carriage, &from->log, &to->log, change_line);
 }
 
 static void carry_header(const struct carriage *carriage)
@@ -216,7 +237,7 @@ static void carry_header(const struct carriage *carriage)
 	atomic_store(&to->heartbeat_ms, atomic_load(&from->heartbeat_ms));
 	atomic_store(&to->next_request, atomic_load(&from->next_request));
 	atomic_store(&to->lost_events, atomic_load(&from->lost_events));
-	to->kept = from->kept;
+	to->kept = carriage->another ? 0 : from->kept;
 	memcpy(to->request_next, from->request_next, sizeof(to->request_next));
 	memcpy(to->answer_next, from->answer_next, sizeof(to->answer_next));
 }
@@ -317,6 +338,8 @@ static void carry_counters(const struct carriage *carriage)
 	const uint32_t room = carriage->next->modules[carriage->module].plan.counters;
 	struct map_counter counter;
 
+	if (carriage->another)
+		return;
 	for (uint32_t i = 0; i < room && map_counter(carriage->map, carriage->module, i, &counter); i++) {
 		memcpy(carriage->to.counters[i].name, counter.name, sizeof(counter.name));
 		carriage->to.counters[i].carried = counter.value;
@@ -326,11 +349,13 @@ static void carry_counters(const struct carriage *carriage)
 static int carry_module(const struct map *map, const struct map *next, uint32_t module,
 			const struct map_switching *how)
 {
-	struct carriage carriage = {.map = map,
-				    .next = next,
-				    .module = module,
-				    .valid = (how->valid & 1u << module) != 0,
-				    .time_ns = map_now_ns()};
+	struct carriage carriage = {
+	    .map = map,
+	    .next = next,
+	    .module = module,
+	    .another = strcmp(map->modules[module].plan.name, next->modules[module].plan.name) != 0,
+	    .valid = (how->valid & map_module_bit(module)) != 0,
+	    .time_ns = map_now_ns()};
 
 	carriage.slots = find_slots(&carriage);
 	if (!carriage.slots)
@@ -345,7 +370,7 @@ static int carry_module(const struct map *map, const struct map *next, uint32_t 
 	carry_counters(&carriage);
 	if (how->carry != NULL)
 		how->carry(map, next, module, map->segments[module].own, carriage.to.own);
-	atomic_store(&carriage.to.header->carried, (how->seamless & 1u << module) != 0);
+	atomic_store(&carriage.to.header->carried, (how->seamless & map_module_bit(module)) != 0);
 	munmap(carriage.to.header, carriage.to.size);
 	free(carriage.slots);
 	return 0;
@@ -415,7 +440,7 @@ int map_switch(const struct map *map, const struct map *next, const struct map_s
 
 		if (is_carried(map, next, i))
 			result = carry_module(map, next, i, how);
-		else if (how->again & 1u << i)
+		else if (how->again & map_module_bit(i))
 			result = renew_section(map, next, i, how);
 		else if (map_is_gone(next, i) && !map_is_gone(map, i))
 			result = end_module(map, i);

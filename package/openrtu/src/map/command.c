@@ -164,9 +164,9 @@ static bool may_request(struct map *map, uint32_t requester, const struct map_re
 
 	if (!(plan->flags & MAP_REQUESTS_LISTED) || (command && is_listed(map, plan, request->point)))
 		return true;
-	if (!(map->refused & 1u << requester))
+	if (!(map->refused & map_module_bit(requester)))
 		map_log(map, MAP_LOG_WARNING, "%s requests what it may not", plan->name);
-	map->refused |= 1u << requester;
+	map->refused |= map_module_bit(requester);
 	return false;
 }
 

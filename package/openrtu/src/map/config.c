@@ -53,16 +53,47 @@ void map_move_section(struct map_config *config, uint32_t id, void *records)
 	find_section(config, id)->records = records;
 }
 
+/* Of so many modules that are gone and were not planned again, the one that is so longest; MAP_MODULES_MAX: there is none. */
+static uint32_t longest_gone(const struct map_config *config, uint32_t *count)
+{
+	uint32_t longest = MAP_MODULES_MAX;
+
+	*count = 0;
+	for (uint32_t i = 0; i < config->module_count; i++) {
+		const struct map_module_plan *plan = &config->modules[i];
+
+		if (plan->kind[0] != '\0' || !(plan->flags & MAP_IS_GONE))
+			continue;
+		++*count;
+		if (longest == MAP_MODULES_MAX || plan->gone < config->modules[longest].gone)
+			longest = i;
+	}
+	return longest;
+}
+
+/* UINT32_MAX: there is none. */
+static uint32_t free_number(struct map_config *config)
+{
+	uint32_t gone;
+	const uint32_t longest = longest_gone(config, &gone);
+
+	if (gone >= MAP_GONE_MAX || (gone > 0 && config->module_count == MAP_MODULES_MAX))
+		return longest;
+	return config->module_count == MAP_MODULES_MAX ? UINT32_MAX : config->module_count++;
+}
+
 uint32_t map_plan_module(struct map_config *config, const struct map_module_plan *module)
 {
+	uint32_t number;
+
 	for (uint32_t i = 0; i < config->module_count; i++)
 		if (strcmp(config->modules[i].name, module->name) == 0) {
 			if (config->modules[i].kind[0] == '\0')
 				config->modules[i] = *module;
 			return i;
 		}
-	if (config->module_count == MAP_MODULES_MAX)
-		return UINT32_MAX;
-	config->modules[config->module_count] = *module;
-	return config->module_count++;
+	number = free_number(config);
+	if (number != UINT32_MAX)
+		config->modules[number] = *module;
+	return number;
 }

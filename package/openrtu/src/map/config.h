@@ -16,9 +16,18 @@
 #define MAP_NAME_SIZE        40 /* names of points, devices and modules, terminator included */
 #define MAP_KIND_SIZE        16
 #define MAP_PREFIX_SIZE      12 /* p65535.255 */
-#define MAP_MODULES_MAX      16
+#define MAP_MODULES_MAX      64
+#define MAP_GONE_MAX         8  /* whose events are kept for who has not read them */
 #define MAP_ADDRESS_SIZE     46 /* INET6_ADDRSTRLEN */
 #define MAP_NAMED_QUEUES_MAX 8
+
+/* A set of modules, a bit for each. It is no atomic: on ARMv5 that has 32 bits. */
+typedef uint64_t map_modules;
+_Static_assert(MAP_MODULES_MAX <= 8 * sizeof(map_modules), "a bit each");
+static inline map_modules map_module_bit(uint32_t module)
+{
+	return (map_modules)1 << module;
+}
 
 #define MAP_FILE_SIZE 128 /* a file's path */
 
@@ -183,6 +192,7 @@ struct map_module_plan {
 	struct map_history_plan history;
 	struct map_retained_plan retained;
 	uint32_t first_listed, listed_count; /* with MAP_REQUESTS_LISTED: its part of MAP_LISTED */
+	uint32_t gone;                       /* with MAP_IS_GONE: the epoch since which */
 	uint32_t
 	    user; /* what rtud adds to the first of the modules' users: no other's, or 0: no process of rtud's */
 };
@@ -269,7 +279,8 @@ void map_move_section(struct map_config *config, uint32_t id, void *records);
 
 /*
  * Adds a module, unless there is one of this name, and returns its number; UINT32_MAX: there are MAP_MODULES_MAX. modules has
- * room for as many. One that has a name and no kind keeps a number for the module of this name.
+ * room for as many. One that has a name and no kind keeps a number for the module of this name. Where MAP_GONE_MAX of these are
+ * gone, or there is no other number left, the one that is gone longest gives its number away.
  */
 uint32_t map_plan_module(struct map_config *config, const struct map_module_plan *module);
 

@@ -26,7 +26,8 @@ static int check_users(const struct map_config *config, char *error)
 	for (uint32_t i = 0; i < config->module_count; i++)
 		for (uint32_t j = i + 1; j < config->module_count; j++)
 			if (config->modules[i].user != 0 &&
-			    config->modules[i].user == config->modules[j].user)
+			    config->modules[i].user == config->modules[j].user &&
+			    !((config->modules[i].flags | config->modules[j].flags) & MAP_IS_GONE))
 				return map_fail(error,
 						"%s and %s would run as one user, number %u of the modules'",
 						config->modules[i].name, config->modules[j].name,
@@ -331,6 +332,22 @@ static int open_directory(const char *dir, char *error)
 		return fd;
 	close(fd);
 	return -1;
+}
+
+int map_check(const struct map_config *config, size_t *size, char *error)
+{
+	const uint32_t made[MAP_MODULES_MAX] = {0};
+	struct config_header header = {.epoch = 0};
+
+	if (take_modules(&header, config, made, error) < 0)
+		return -1;
+	assign_slots(&header, config);
+	*size = config_layout_of(config).size;
+	for (uint32_t i = 0; i < header.module_count; i++)
+		*size += layout_of(&header.modules[i]).size;
+	if (*size > UINT32_MAX)
+		return map_fail(error, "the map would have %zu MiB", *size >> 20);
+	return 0;
 }
 
 void settings_put(const struct map *map, const struct map_settings *settings)

@@ -226,10 +226,10 @@ struct map {
 	int64_t ticked_s;                   /* wall time of the last map_totals_tick, 0: none yet */
 	uint32_t taken;                     /* requests and answers since the bell was cleared */
 	uint32_t taken_of[MAP_MODULES_MAX]; /* of them, requests of a module with MAP_REQUESTS_LISTED */
-	uint32_t refused;     /* a bit for each module of which the log has a request that it may not make */
-	uint32_t covers;      /* own points that are forced */
-	uint32_t forces_seen; /* sequence of rtud's table that the covers follow */
-	uint32_t load;        /* what others have given this module to do in this period, in records */
+	map_modules refused;                /* modules of which the log has a request that it may not make */
+	uint32_t covers;                    /* own points that are forced */
+	uint32_t forces_seen;               /* sequence of rtud's table that the covers follow */
+	uint32_t load; /* what others have given this module to do in this period, in records */
 };
 
 uint32_t layout_fingerprint(void);

@@ -436,6 +436,13 @@ static bool is_kept(const struct map *former, const struct map *map, uint32_t mo
 	return module < map_module_count(former) && former->modules[module].made == map->modules[module].made;
 }
 
+/* A module that was gone has given its number away. */
+static bool is_another(const struct map *former, const struct map *map, uint32_t module)
+{
+	return module < map_module_count(former) &&
+	       strcmp(former->modules[module].plan.name, map->modules[module].plan.name) != 0;
+}
+
 /* Lets go of what the one has and the other has not. */
 static void drop_segments(struct map *map, const struct map *other)
 {
@@ -452,7 +459,7 @@ static void drop_segments(struct map *map, const struct map *other)
 static int renew_segments(struct map *fresh, const struct map *former, char *error)
 {
 	for (uint32_t i = 0; i < map_module_count(fresh); i++) {
-		const int bell = fresh->segments[i].bell;
+		const int bell = is_another(former, fresh, i) ? -1 : fresh->segments[i].bell;
 
 		if (is_kept(former, fresh, i))
 			continue;
@@ -489,19 +496,21 @@ int map_renew(struct map *map, struct map_config *before, char *error)
 static int follow_module(struct map *map, const struct map *newest, uint32_t module, char *error)
 {
 	const struct module_entry *entry = &newest->modules[module];
-	const bool known = module < map->module_count;
-	struct segment segment = {.bell = known ? map->segments[module].bell : -1};
+	const bool known = module < map->module_count, another = is_another(map, newest, module);
+	struct segment segment = {.bell = known && !another ? map->segments[module].bell : -1};
 
 	if (known && map->modules[module].made == entry->made) {
 		map->modules[module].plan.flags |= entry->plan.flags & MAP_IS_GONE;
 		return 0;
 	}
-	if (known && map->modules[module].point_count != 0)
+	if (known && !another && map->modules[module].point_count != 0)
 		return 0;
 	if (attach_segment(newest, module, &segment, error) < 0)
 		return -1;
 	if (known)
 		munmap(map->segments[module].header, map->segments[module].size);
+	if (another)
+		close(map->segments[module].bell);
 	map->segments[module] = segment;
 	map->modules[module] = *entry;
 	map->modules[module].point_count = 0; /* they have no numbers here */

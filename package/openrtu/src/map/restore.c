@@ -13,7 +13,7 @@
 struct restoration {
 	struct segment segments[MAP_MODULES_MAX]; /* writable, of owners of points and of the station */
 	struct map_queue_place places[MAP_QUEUES];
-	uint32_t placed[MAP_QUEUES]; /* a bit for each module in whose ring the queue has its place */
+	map_modules placed[MAP_QUEUES]; /* modules in whose ring the queue has its place */
 };
 
 static bool has_part(const struct module_entry *entry)
@@ -61,10 +61,10 @@ static void put_event(const struct map *map, struct restoration *restoration,
 	struct map_event event = kept->event;
 
 	for (uint32_t queue = 0; queue < MAP_QUEUES; queue++) {
-		if (!(kept->wanted & 1u << queue) || (restoration->placed[queue] & 1u << owner))
+		if (!(kept->wanted & 1u << queue) || (restoration->placed[queue] & map_module_bit(owner)))
 			continue;
 		restoration->places[queue].cursor.next[owner] = ring_head(ring);
-		restoration->placed[queue] |= 1u << owner;
+		restoration->placed[queue] |= map_module_bit(owner);
 	}
 	event.point = slot_of(map, event.point);
 	ring_put(ring, &event);
@@ -74,7 +74,7 @@ static void put_event(const struct map *map, struct restoration *restoration,
 static void place_at_end(const struct map *map, struct restoration *restoration, uint32_t queue)
 {
 	for (uint32_t i = 0; i < map_module_count(map); i++)
-		if (has_part(&map->modules[i]) && !(restoration->placed[queue] & 1u << i))
+		if (has_part(&map->modules[i]) && !(restoration->placed[queue] & map_module_bit(i)))
 			restoration->places[queue].cursor.next[i] =
 			    ring_head(&restoration->segments[i].events);
 }

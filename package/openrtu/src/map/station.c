@@ -33,7 +33,7 @@ static void check_place(const struct map *map, struct map_queue_place *place)
 		if ((int32_t)(head - place->cursor.next[i]) >= 0)
 			continue;
 		place->cursor.next[i] = head;
-		place->refresh = MAP_REFRESH_ALL;
+		place->refresh_all = true;
 	}
 	place->cursor.lost = 0;
 }

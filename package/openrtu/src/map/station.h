@@ -17,13 +17,13 @@
 #define MAP_STATION_CONNECTIONS 16
 #define MAP_QUEUES              (MAP_NAMED_QUEUES_MAX + 24) /* each started connection has one; the rest are remembered */
 #define MAP_PEER_SIZE           64
-#define MAP_REFRESH_ALL         (1u << 31) /* beside a bit for each module, of which there are MAP_MODULES_MAX */
 
 /* ---- event queues ------------------------------------------------------------------------ */
 
 struct map_queue_place {
-	struct map_cursor cursor; /* the first event that is not acknowledged; lost is not used */
-	uint32_t refresh;         /* modules whose current values are owed besides, or MAP_REFRESH_ALL */
+	struct map_cursor cursor;    /* the first event that is not acknowledged; lost is not used */
+	uint32_t refresh_all;        /* the current values of all points are owed besides, */
+	map_modules refresh_modules; /* or those of these modules */
 };
 
 struct map_queue {

@@ -94,6 +94,12 @@ void map_request_answer(struct map *map, const struct map_request *request, enum
  */
 int map_segment_open(const struct map *map, uint32_t module);
 
+/*
+ * Whether a map can be made for it: modules, users, sets. size: of all its files, in bytes. Returns 0, or -1 with a message in
+ * error.
+ */
+int map_check(const struct map_config *config, size_t *size, char *error);
+
 /* ---- a configuration that follows another while the modules run: change.c, map.c --------------- */
 
 /* As the configuration in use here plans the module. */
@@ -101,10 +107,10 @@ const struct map_module_plan *map_plan_of(const struct map *map, uint32_t module
 bool map_is_gone(const struct map *map, uint32_t module);
 /*
  * Creates the files of the configuration that shall follow, in which modules have the numbers that they have; kept: modules
- * that are the same in both, a bit each. Takes no part in what runs: a process beside rtud may call it.
+ * that are the same in both. Takes no part in what runs: a process beside rtud may call it.
  * Returns 0, or -1 with a message in error.
  */
-int map_prepare(const struct map *map, const struct map_config *config, uint32_t kept, uint32_t group,
+int map_prepare(const struct map *map, const struct map_config *config, map_modules kept, uint32_t group,
 		char *error);
 /* The configuration that is in use here, or so many epochs later, to look at. */
 int map_attach_again(struct map **out, const struct map *map, uint32_t later, char *error);
@@ -114,11 +120,11 @@ bool map_is_made_for(const struct map *next, uint32_t module);
 bool map_module_is_ready(const struct map *next, uint32_t module);
 /* A command that the module carries out has not ended, or a pulse of it. */
 bool map_has_commands_under_way(const struct map *map, uint32_t module);
-/* Modules of a switch, a bit each, and what becomes of their own sections. */
+/* Modules of a switch, and what becomes of their own sections. */
 struct map_switching {
-	uint32_t valid;    /* their points were */
-	uint32_t seamless; /* they go on in the generation that they are in, with what was asked of them */
-	uint32_t again;    /* kept ones that start again in the new configuration */
+	map_modules valid;    /* their points were */
+	map_modules seamless; /* they go on in the generation that they are in, with what was asked of them */
+	map_modules again;    /* kept ones that start again in the new configuration */
 	/* Of a new segment or one of again: from is what the former process left, to the new one's; NULL: nothing passes over. */
 	void (*carry)(const struct map *map, const struct map *next, uint32_t module, const void *from,
 		      void *to);

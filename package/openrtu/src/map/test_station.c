@@ -40,7 +40,7 @@ static void test_a_queue_outlives_its_process(void **state)
 {
 	struct stage *stage = *state;
 	struct map *owner = start(stage, FIRST), *station = start(stage, STATION);
-	struct map_queue_place place = {.refresh = 4}, found;
+	struct map_queue_place place = {.refresh_modules = 4}, found;
 	struct map_queue queue;
 
 	publish(owner, 1);
@@ -88,7 +88,7 @@ static void test_a_place_in_the_future_is_the_end(void **state)
 	map_queue_move(station, OWN, &place);
 	map_queue_place(station, OWN, &place);
 	assert_int_equal(place.cursor.next[owner->self], end.cursor.next[owner->self]);
-	assert_int_equal(place.refresh, MAP_REFRESH_ALL);
+	assert_true(place.refresh_all);
 	assert_int_equal(place.cursor.lost, 0);
 	assert_false(map_event_next(station, &place.cursor, &event) && event.kind == MAP_EVENT_CHANGE);
 	map_detach(station);
@@ -114,7 +114,7 @@ static void test_a_forged_name_is_not_shown(void **state)
 __attribute__((noreturn)) static void move_for_ever(struct map *station)
 {
 	for (uint32_t i = 0;; i++) {
-		struct map_queue_place place = {.refresh = i};
+		struct map_queue_place place = {.refresh_all = i};
 
 		for (unsigned module = 0; module < MAP_MODULES_MAX; module++)
 			place.cursor.next[module] = i;
@@ -146,8 +146,8 @@ static void test_a_process_killed_anywhere_leaves_a_whole_place(void **state)
 		waitpid(writer, NULL, 0);
 		whole = &cell->places[latch_whole_copy(&cell->latch)];
 		for (unsigned module = 0; module < MAP_MODULES_MAX; module++)
-			assert_int_equal(whole->cursor.next[module], whole->refresh);
-		reached += whole->refresh;
+			assert_int_equal(whole->cursor.next[module], whole->refresh_all);
+		reached += whole->refresh_all;
 	}
 	assert_true(reached > 1000);
 	map_detach(station);

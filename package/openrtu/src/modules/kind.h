@@ -29,6 +29,13 @@ struct kind_run {
 	size_t memory;                      /* bytes of address space; 0: as rtud gives it */
 };
 
+/* Where a module listens. */
+struct kind_port {
+	int type; /* SOCK_STREAM, SOCK_DGRAM */
+	const char *address;
+	uint16_t port;
+};
+
 /* What a module does when only that has changed which its kind alone knows of it. */
 enum kind_change {
 	KIND_UNCHANGED,
@@ -75,6 +82,8 @@ struct kind {
 	const char *fixed, *fixed_because;
 	bool by_numbers; /* its modules keep numbers of points: whenever these may change, they start again */
 	const char *group; /* a further one of its processes, by name; NULL: none */
+	/* Where it listens: no two modules may at one port. False: its configuration has it not. Left out: nowhere. */
+	bool (*listens)(const struct map_config *config, struct kind_port *out);
 	/*
 	 * Opens what its user may not, as a socket with a privileged port: in the new process, before that gives up rtud's
 	 * rights. The module gets it as --socket. -1 with errno: it cannot, and the process ends. Since two cannot have it at

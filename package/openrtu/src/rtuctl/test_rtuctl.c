@@ -578,7 +578,7 @@ static void test_suggest_nothing_unsound(void **state)
 static void fill_station(void)
 {
 	struct iec104_connection_stats *stats;
-	struct map_queue_place place = {.refresh = 0};
+	struct map_queue_place place = {.refresh_all = 0};
 	struct map_event event;
 	struct map *station;
 	char error[MAP_ERROR_SIZE];

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "map/supervise.h"
+#include "modules/users.h"
 #include "rtud/compare.h"
 #include "rtud/kinds.h"
 
@@ -14,9 +15,10 @@ struct change {
 	const struct map *map;
 	const struct map_config *before;
 	struct map_config *now;
-	uint32_t kept, exchanged, added, gone; /* modules, a bit each */
-	uint32_t taking, again; /* of the kept ones, those that take new settings, or start again with them */
-	bool set;               /* settings of all modules have changed */
+	map_modules kept, exchanged, added, gone;
+	map_modules taking,
+	    again; /* of the kept ones, those that take new settings, or start again with them */
+	bool set;  /* settings of all modules have changed */
 	FILE *report;
 };
 
@@ -29,30 +31,35 @@ static void keep_numbers(const struct change *change)
 
 	now->module_count = map_module_count(change->map);
 	for (uint32_t i = 0; i < now->module_count; i++) {
-		now->modules[i] = (struct map_module_plan){.user = 0};
-		memcpy(now->modules[i].name, map_plan_of(change->map, i)->name, MAP_NAME_SIZE);
+		const struct map_module_plan *was = map_plan_of(change->map, i);
+
+		now->modules[i] =
+		    (struct map_module_plan){.flags = was->flags & MAP_IS_GONE, .gone = was->gone};
+		memcpy(now->modules[i].name, was->name, MAP_NAME_SIZE);
 	}
 }
 
-static bool has_user(const struct map_config *config, uint32_t module, uint32_t user)
+static bool runs(const struct change *change, uint32_t module)
 {
-	for (uint32_t i = 0; i < config->module_count; i++)
-		if (i != module && config->modules[i].user == user)
-			return true;
-	return false;
+	return module < map_module_count(change->map) && !map_is_gone(change->map, module);
 }
 
-/* A process keeps its user: the files that are another's by its number are its own. */
+/* A process keeps its user: the files that are another's by its number are its own. So does one that ends with this change. */
 static void give_users(const struct change *change)
 {
 	struct map_config *now = change->now;
-	const uint32_t known = map_module_count(change->map);
 
-	for (uint32_t i = 0; i < known; i++)
-		now->modules[i].user = map_plan_of(change->map, i)->user;
-	for (uint32_t i = known; i < now->module_count; i++)
-		while (now->modules[i].user != 0 && has_user(now, i, now->modules[i].user))
-			now->modules[i].user++;
+	for (uint32_t i = 0; i < now->module_count; i++)
+		if (runs(change, i))
+			now->modules[i].user = map_plan_of(change->map, i)->user;
+	for (uint32_t i = 0; i < now->module_count; i++) {
+		const uint32_t wanted = now->modules[i].user;
+
+		if (runs(change, i) || wanted == 0)
+			continue;
+		now->modules[i].user = 0;
+		now->modules[i].user = user_is_taken(now, wanted) ? free_user(now) : wanted;
+	}
 }
 
 static bool has_moved(const struct change *change)
@@ -60,12 +67,12 @@ static bool has_moved(const struct change *change)
 	return (change->added | change->exchanged | change->gone) != 0;
 }
 
-static uint32_t live_and_kept(const struct change *change)
+static map_modules live_and_kept(const struct change *change)
 {
-	uint32_t live = 0;
+	map_modules live = 0;
 
 	for (uint32_t i = 0; i < change->now->module_count; i++)
-		live |= change->now->modules[i].flags & MAP_IS_GONE ? 0 : 1u << i;
+		live |= change->now->modules[i].flags & MAP_IS_GONE ? 0 : map_module_bit(i);
 	return live & change->kept;
 }
 
@@ -75,7 +82,8 @@ static void make_room_for_counters(const struct change *change)
 	for (uint32_t i = 0; i < map_module_count(change->map); i++) {
 		struct map_module_plan *plan = &change->now->modules[i];
 
-		if ((change->exchanged & 1u << i) && plan->counters < map_plan_of(change->map, i)->counters)
+		if ((change->exchanged & map_module_bit(i)) &&
+		    plan->counters < map_plan_of(change->map, i)->counters)
 			plan->counters = map_plan_of(change->map, i)->counters;
 	}
 }
@@ -91,19 +99,19 @@ static bool stands_in_net(const struct change *change, uint32_t module)
 }
 
 /* Tokens that a module holds have no place in a net without it: if anything in the net has changed, all of it begins anew. */
-static uint32_t begin_net_anew(const struct change *change)
+static map_modules begin_net_anew(const struct change *change)
 {
-	uint32_t net = 0;
+	map_modules net = 0;
 
 	for (uint32_t i = 0; i < change->now->module_count; i++)
-		net |= stands_in_net(change, i) ? 1u << i : 0;
+		net |= stands_in_net(change, i) ? map_module_bit(i) : 0;
 	return net & (change->exchanged | change->added | change->gone) ? net & live_and_kept(change) : 0;
 }
 
 /* Those that have not changed themselves, but what they read, command, or wait for. */
 static void exchange_others(struct change *change)
 {
-	uint32_t others;
+	map_modules others;
 
 	do {
 		others = compare_others(change->map, change->now, change->kept) | begin_net_anew(change);
@@ -117,13 +125,15 @@ static void sort_modules(struct change *change)
 	struct map_config *now = change->now;
 
 	for (uint32_t i = 0; i < now->module_count; i++) {
-		const uint32_t bit = 1u << i;
+		const map_modules bit = map_module_bit(i);
 		const bool known = i < map_module_count(change->map);
 		const bool was_gone = known && map_is_gone(change->map, i);
 
 		if (now->modules[i].kind[0] == '\0') {
 			now->modules[i] = *map_plan_of(change->map, i);
 			now->modules[i].flags |= MAP_IS_GONE;
+			if (!was_gone)
+				now->modules[i].gone = map_epoch(change->map) + 1;
 			change->gone |= was_gone ? 0 : bit;
 			change->kept |= bit; /* its segment, for the events in it */
 		} else if (!known || was_gone) {
@@ -217,11 +227,11 @@ static bool may_be_exchanged(const struct change *change, uint32_t module)
 
 static bool is_possible(struct change *change)
 {
-	const uint32_t changed = change->exchanged | change->added | change->gone;
+	const map_modules changed = change->exchanged | change->added | change->gone;
 	bool possible = take_settings(change);
 
 	for (uint32_t i = 0; i < change->now->module_count; i++)
-		if (changed & 1u << i)
+		if (changed & map_module_bit(i))
 			possible &= may_be_exchanged(change, i);
 	return possible;
 }
@@ -281,11 +291,11 @@ static bool is_told_once_more(const struct change *change, const struct map_set 
 {
 	const bool live = point < change->before->point_count;
 
-	if (change->exchanged & 1u << set->module)
+	if (change->exchanged & map_module_bit(set->module))
 		return live && is_lacking(change, point);
 	if (change->now->modules[set->module].flags & MAP_IS_GONE)
 		return true;
-	return (change->kept & 1u << set->module) && !live;
+	return (change->kept & map_module_bit(set->module)) && !live;
 }
 
 static bool add_gone_set(const struct change *change, uint32_t index)
@@ -322,7 +332,7 @@ static bool add_gone_sets(const struct change *change)
 
 static const char *fate_of(const struct change *change, uint32_t module)
 {
-	const uint32_t bit = 1u << module;
+	const map_modules bit = map_module_bit(module);
 
 	if (change->added & bit)
 		return "is added";
@@ -379,7 +389,7 @@ static void print_changes(const struct change *change)
 	print_settings(change);
 	for (uint32_t i = 0; i < change->now->module_count; i++)
 		if (has_process(&change->now->modules[i]) &&
-		    (!(change->now->modules[i].flags & MAP_IS_GONE) || (change->gone & 1u << i)))
+		    (!(change->now->modules[i].flags & MAP_IS_GONE) || (change->gone & map_module_bit(i))))
 			fprintf(change->report, "%s %s\n", change->now->modules[i].name, fate_of(change, i));
 	print_points(change, '-', change->before, change->now);
 	print_points(change, '+', change->now, change->before);
@@ -429,13 +439,12 @@ static bool load(const struct change_plan *plan, const struct map *before, struc
 	return config_load(plan->path, plan->modules, out, report) == CONFIG_GOOD;
 }
 
-static bool plan_modules(const struct change *change)
+static bool plan_now(const struct change *change)
 {
 	keep_numbers(change);
 	if (!kinds_plan(change->now)) {
 		fprintf(change->report,
-			"too many processes: %d modules at most, those among them that were removed since "
-			"rtud was started\n",
+			"too many processes: %d modules at most, those among them that this takes out\n",
 			MAP_MODULES_MAX);
 		return false;
 	}
@@ -450,7 +459,7 @@ enum change_result change_prepare(const struct map *map, const struct map *befor
 	struct change change = {.map = map, .before = map_config(map), .now = &now, .report = report};
 	char error[MAP_ERROR_SIZE];
 
-	if (!load(plan, before, &now, report) || !keep_slots(&change) || !plan_modules(&change))
+	if (!load(plan, before, &now, report) || !keep_slots(&change) || !plan_now(&change))
 		return CHANGE_REFUSED;
 	sort_modules(&change);
 	if (!is_possible(&change))
@@ -460,6 +469,8 @@ enum change_result change_prepare(const struct map *map, const struct map *befor
 		fputs("nothing changes\n", report);
 		return CHANGE_NONE;
 	}
+	if (!plan_is_possible(&now, plan->map, report))
+		return CHANGE_REFUSED;
 	print_changes(&change);
 	if (plan->dry)
 		return CHANGE_NONE;

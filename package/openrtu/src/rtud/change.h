@@ -10,6 +10,7 @@
 
 #include "map/map.h"
 #include "rtud/config.h"
+#include "rtud/plan.h"
 
 /* The exit code of the process that prepares a change. */
 enum change_result {
@@ -21,6 +22,7 @@ enum change_result {
 struct change_plan {
 	const char *path; /* of the configuration; NULL: the one before the map's goes back into force */
 	struct config_modules modules; /* of this build */
+	const char *map;               /* folder of the map */
 	uint32_t group;                /* of the map's files */
 	bool dry;                      /* only say what would change */
 };

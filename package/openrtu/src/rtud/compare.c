@@ -193,22 +193,22 @@ enum kind_change compare_modules(const struct map *map, const struct map_config 
 	return compare_kept(map, now, module);
 }
 
-uint32_t compare_again(const struct map *map, const struct map_config *now, uint32_t kept, bool moved)
+map_modules compare_again(const struct map *map, const struct map_config *now, map_modules kept, bool moved)
 {
-	uint32_t again = 0;
+	map_modules again = 0;
 
 	for (uint32_t i = MAP_RTUD + 1; i < map_module_count(map); i++) {
 		const struct kind *kind = kinds_find(map_plan_of(map, i)->kind);
 
-		if ((kept & 1u << i) &&
+		if ((kept & map_module_bit(i)) &&
 		    ((moved && kind->by_numbers) || compare_kept(map, now, i) == KIND_STARTS_AGAIN))
-			again |= 1u << i;
+			again |= map_module_bit(i);
 	}
 	return again;
 }
 
 static bool reads_the_same(const struct map_config *before, const struct map_config *now, uint32_t module,
-			   uint32_t kept)
+			   map_modules kept)
 {
 	const struct map_module_plan *plan = &now->modules[module];
 	const struct kind *kind = kinds_find(plan->kind);
@@ -220,47 +220,49 @@ static bool reads_the_same(const struct map_config *before, const struct map_con
 
 		if (was == MAP_NONE || is == MAP_NONE)
 			return was == is;
-		if (!same_name(before, was, now, is) || !(kept & 1u << now->sets[now->points[is].set].module))
+		if (!same_name(before, was, now, is) ||
+		    !(kept & map_module_bit(now->sets[now->points[is].set].module)))
 			return false;
 	}
 }
 
 /* Owners of what a module reads that may be commanded: it may be one who does. */
-static uint32_t asked_by(const struct map_config *config, const struct map_module_plan *plan)
+static map_modules asked_by(const struct map_config *config, const struct map_module_plan *plan)
 {
 	const struct kind *kind = kinds_find(plan->kind);
-	uint32_t owners = 0, point;
+	map_modules owners = 0;
+	uint32_t point;
 
 	if (kind == NULL || kind->reads == NULL || !(plan->flags & MAP_MAY_REQUEST) ||
 	    (plan->flags & MAP_IS_GONE))
 		return 0;
 	for (uint32_t i = 0; (point = kind->reads(config, plan->name, i)) != MAP_NONE; i++)
 		if (config->points[point].flags & MAP_POINT_COMMAND)
-			owners |= 1u << config->sets[config->points[point].set].module;
+			owners |= map_module_bit(config->sets[config->points[point].set].module);
 	return owners;
 }
 
-static uint32_t asked_by_changed(const struct map_config *now, uint32_t kept)
+static map_modules asked_by_changed(const struct map_config *now, map_modules kept)
 {
-	uint32_t owners = 0;
+	map_modules owners = 0;
 
 	for (uint32_t i = 0; i < now->module_count; i++)
-		if (!(kept & 1u << i))
+		if (!(kept & map_module_bit(i)))
 			owners |= asked_by(now, &now->modules[i]);
 	return owners;
 }
 
-uint32_t compare_others(const struct map *map, const struct map_config *now, uint32_t kept)
+map_modules compare_others(const struct map *map, const struct map_config *now, map_modules kept)
 {
-	uint32_t moved = 0, last;
+	map_modules moved = 0, last;
 
 	do {
 		last = moved;
 		moved |= kept & asked_by_changed(now, kept & ~moved);
 		for (uint32_t i = 0; i < now->module_count; i++)
-			if ((kept & ~moved & 1u << i) &&
+			if ((kept & ~moved & map_module_bit(i)) &&
 			    !reads_the_same(map_config(map), now, i, kept & ~moved))
-				moved |= 1u << i;
+				moved |= map_module_bit(i);
 	} while (moved != last);
 	return moved;
 }

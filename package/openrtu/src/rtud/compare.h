@@ -23,9 +23,9 @@ enum kind_change compare_kept(const struct map *map, const struct map_config *no
  * Modules among the kept ones, a bit each, that have to be exchanged for the sake of others: who refers to points of modules
  * that are not kept, since these have moved, and who carries out commands of such a module, whose segment he has mapped.
  */
-uint32_t compare_others(const struct map *map, const struct map_config *now, uint32_t kept);
-/* Modules among the kept ones, a bit each, that start again. moved: numbers of points may have changed. */
-uint32_t compare_again(const struct map *map, const struct map_config *now, uint32_t kept, bool moved);
+map_modules compare_others(const struct map *map, const struct map_config *now, map_modules kept);
+/* Modules among the kept ones that start again. moved: numbers of points may have changed. */
+map_modules compare_again(const struct map *map, const struct map_config *now, map_modules kept, bool moved);
 /* The other configuration has the point too: by addresses, name, type and owner. */
 bool compare_has_point(const struct map_config *config, const struct map_config *other, uint32_t point);
 

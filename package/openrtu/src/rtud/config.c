@@ -118,21 +118,14 @@ static void print_wear(const struct journal_settings *journal)
 	    journal_life_years(journal));
 }
 
-int config_check(const char *path, struct config_modules modules, bool requests)
+int config_print(const char *path, const struct map_config *config, bool requests)
 {
-	struct map_config config;
-	enum config_result result = config_load(path, modules, &config, stderr);
-
-	if (result == CONFIG_GOOD) {
-		printf("%s: good: lines %u, devices %u, points %u\n", path, modbus_port_count(&config),
-		       modbus_slave_count(&config), config.point_count);
-		if (journal_settings(&config) != NULL)
-			print_wear(journal_settings(&config));
-		if (!modbus_limit_print(&config, requests, stdout) || !synch_print(&config, stdout)) {
-			fputs("out of memory\n", stderr);
-			result = CONFIG_UNUSABLE;
-		}
-	}
-	config_free(&config);
-	return (int)result;
+	printf("%s: good: lines %u, devices %u, points %u\n", path, modbus_port_count(config),
+	       modbus_slave_count(config), config->point_count);
+	if (journal_settings(config) != NULL)
+		print_wear(journal_settings(config));
+	if (modbus_limit_print(config, requests, stdout) && synch_print(config, stdout))
+		return CONFIG_GOOD;
+	fputs("out of memory\n", stderr);
+	return CONFIG_UNUSABLE;
 }

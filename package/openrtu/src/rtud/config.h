@@ -32,16 +32,16 @@ enum config_result config_load(const char *path, struct config_modules modules, 
 void config_free(struct map_config *config);
 
 /*
- * rtud --check: reports the errors on stderr, or on stdout what the file describes and the shortest scan of each line;
- * with requests (--plan) how it comes about. Returns the exit code.
+ * Of a good file, what it describes and the shortest scan of each line, on stdout; with requests (--plan) how it comes about.
+ * Returns the exit code.
  */
-int config_check(const char *path, struct config_modules modules, bool requests);
+int config_print(const char *path, const struct map_config *config, bool requests);
 
 enum config_list { CONFIG_CSV, CONFIG_MARKDOWN };
 
 /*
  * rtud --points: prints a line for each point on stdout, by CA and IOA: docs/configuration.md, "The list of points".
- * Errors as config_check. Returns the exit code.
+ * Errors as config_load. Returns the exit code.
  */
 int config_points(const char *path, struct config_modules modules, enum config_list list);
 

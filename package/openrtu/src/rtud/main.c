@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "rtud/config.h"
+#include "rtud/plan.h"
 #include "rtud/scl.h"
 #include "rtud/supervise.h"
 
@@ -196,6 +197,22 @@ static int run(const struct arguments *arguments)
 	return code;
 }
 
+/* What a start would decide before it begins a process. */
+static int check(const struct arguments *arguments)
+{
+	struct map_config config;
+	int result = config_load(arguments->file, modules, &config, stderr);
+
+	if (result == CONFIG_GOOD && !plan_modules(&config, arguments->supervise.map, stderr))
+		result = CONFIG_WRONG;
+	if (result == CONFIG_GOOD)
+		plan_note_programs(&config, arguments->supervise.modules, stderr);
+	if (result == CONFIG_GOOD)
+		result = config_print(arguments->file, &config, arguments->plan);
+	config_free(&config);
+	return result;
+}
+
 static int print_scl(const struct arguments *arguments)
 {
 #if OPENRTU_IEC61850
@@ -235,5 +252,5 @@ int main(int argc, char **argv)
 		return print_scl(&arguments);
 	if (arguments.points)
 		return config_points(arguments.file, modules, arguments.list);
-	return arguments.check ? config_check(arguments.file, modules, arguments.plan) : run(&arguments);
+	return arguments.check ? check(&arguments) : run(&arguments);
 }

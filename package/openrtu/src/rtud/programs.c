@@ -52,3 +52,10 @@ bool programs_look_for(const char *folder, const char *program)
 		      stderr);
 	return false;
 }
+
+bool programs_are_known(const char *folder, const char *program)
+{
+	char found[PATH_MAX];
+
+	return has(folder, program) || find_near(program, found);
+}

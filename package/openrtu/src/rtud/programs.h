@@ -11,4 +11,7 @@
  */
 bool programs_look_for(const char *folder, const char *program);
 
+/* It is there, or where a build or a moved installation has it. */
+bool programs_are_known(const char *folder, const char *program);
+
 #endif

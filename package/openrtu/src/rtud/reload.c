@@ -114,7 +114,7 @@ static void finish(struct supervisor *supervisor, enum map_command_result result
 	*reload = (struct reload){.phase = RELOAD_IDLE};
 }
 
-static uint32_t ending(const struct reload *reload)
+static map_modules ending(const struct reload *reload)
 {
 	return reload->exchanged | reload->gone | reload->again;
 }
@@ -125,7 +125,7 @@ static void announce_ended(struct supervisor *supervisor)
 	struct reload *reload = &supervisor->reload;
 
 	for (uint32_t i = 0; reload->phase == RELOAD_ENDING && i < map_module_count(supervisor->map); i++)
-		if (ending(reload) & 1u << i)
+		if (ending(reload) & map_module_bit(i))
 			map_announce(supervisor->map, MAP_EVENT_MODULE_DOWN, i);
 }
 
@@ -137,7 +137,7 @@ static void give_up(struct supervisor *supervisor, const char *module, const cha
 
 	kill_incoming(supervisor);
 	for (uint32_t i = 0; i < MAP_MODULES_MAX; i++)
-		if (reload->added & 1u << i)
+		if (reload->added & map_module_bit(i))
 			map_module_ended(supervisor->map, i, false);
 	map_abandon(supervisor->map);
 	announce_ended(supervisor);
@@ -167,6 +167,7 @@ __attribute__((noreturn)) static void prepare(const struct supervisor *superviso
 	const struct reload *reload = &supervisor->reload;
 	const struct change_plan plan = {
 	    .path = reload->back ? NULL : reload->path,
+	    .map = supervisor->options->map,
 	    .modules = supervisor->options->build,
 	    .group = supervisor->options->uid_base,
 	    .dry = reload->asked && reload->request.detail != 0,
@@ -236,17 +237,17 @@ static void sort_modules(struct supervisor *supervisor)
 {
 	struct reload *reload = &supervisor->reload;
 	const uint32_t known = map_module_count(supervisor->map);
-	uint32_t kept = 0;
+	map_modules kept = 0;
 
 	for (uint32_t i = 0; i < map_module_count(reload->next); i++) {
 		const bool was = i < known && !map_is_gone(supervisor->map, i);
 
 		if (map_is_gone(reload->next, i))
-			reload->gone |= was ? 1u << i : 0;
+			reload->gone |= was ? map_module_bit(i) : 0;
 		else if (map_is_made_for(reload->next, i))
-			*(was ? &reload->exchanged : &reload->added) |= 1u << i;
+			*(was ? &reload->exchanged : &reload->added) |= map_module_bit(i);
 		else
-			kept |= 1u << i;
+			kept |= map_module_bit(i);
 	}
 	reload->again = compare_again(supervisor->map, map_config(reload->next), kept,
 				      (reload->exchanged | reload->added | reload->gone) != 0);
@@ -267,7 +268,7 @@ static void begin_module(const struct supervisor *supervisor, const struct map *
 /* What the former process has opened, the new one cannot have beside it. */
 static bool waits_for_the_former(const struct reload *reload, uint32_t index)
 {
-	return (reload->exchanged & 1u << index) &&
+	return (reload->exchanged & map_module_bit(index)) &&
 	       kinds_find(map_plan_of(reload->next, index)->kind)->open != NULL;
 }
 
@@ -276,10 +277,10 @@ static bool start_incoming(struct supervisor *supervisor, uint32_t index)
 	struct reload *reload = &supervisor->reload;
 	struct map_module module;
 
-	if ((supervisor->children[index].held && (reload->exchanged & 1u << index)) ||
+	if ((supervisor->children[index].held && (reload->exchanged & map_module_bit(index))) ||
 	    waits_for_the_former(reload, index))
 		return true;
-	if (reload->added & 1u << index)
+	if (reload->added & map_module_bit(index))
 		map_module_starting(supervisor->map, index);
 	begin_module(supervisor, reload->next, index);
 	map_module(reload->next, index, &module);
@@ -304,7 +305,7 @@ static void start_all(struct supervisor *supervisor)
 	reload->phase = RELOAD_STARTING;
 	reload->deadline_ns = map_now_ns() + START_MS * NS_PER_MS;
 	for (uint32_t i = 0; i < map_module_count(reload->next); i++)
-		if ((reload->exchanged | reload->added) & 1u << i && !start_incoming(supervisor, i))
+		if ((reload->exchanged | reload->added) & map_module_bit(i) && !start_incoming(supervisor, i))
 			return;
 }
 
@@ -333,7 +334,7 @@ static void await_incoming(struct supervisor *supervisor)
 
 	for (uint32_t i = 0; i < map_module_count(reload->next); i++) {
 		const bool late = map_now_ns() > reload->deadline_ns;
-		const bool broken = (reload->broken & 1u << i) != 0;
+		const bool broken = (reload->broken & map_module_bit(i)) != 0;
 
 		if (broken || (late && reload->incoming[i] && !map_module_is_ready(reload->next, i))) {
 			give_up(supervisor, map_plan_of(reload->next, i)->name, "does not come up");
@@ -353,39 +354,39 @@ static void await_quiet(struct supervisor *supervisor)
 {
 	struct reload *reload = &supervisor->reload;
 	for (uint32_t i = 0; i < map_module_count(supervisor->map); i++)
-		if ((ending(reload) & 1u << i) && map_now_ns() < reload->deadline_ns &&
+		if ((ending(reload) & map_module_bit(i)) && map_now_ns() < reload->deadline_ns &&
 		    map_has_commands_under_way(supervisor->map, i))
 			return;
 	reload->phase = RELOAD_ENDING;
 	for (uint32_t i = 0; i < map_module_count(supervisor->map); i++) {
-		if (!(ending(reload) & 1u << i))
+		if (!(ending(reload) & map_module_bit(i)))
 			continue;
 		if (map_alive(supervisor->map, i))
-			reload->valid |= 1u << i;
-		if (reload->exchanged & 1u << i & reload->valid)
+			reload->valid |= map_module_bit(i);
+		if (reload->exchanged & map_module_bit(i) & reload->valid)
 			map_module_switching(supervisor->map, i);
 		start_end(&supervisor->children[i]);
 	}
 }
 
-static bool have_ended(const struct supervisor *supervisor, uint32_t modules)
+static bool have_ended(const struct supervisor *supervisor, map_modules modules)
 {
 	for (uint32_t i = 0; i < MAP_MODULES_MAX; i++)
-		if ((modules & 1u << i) && supervisor->children[i].pid != 0)
+		if ((modules & map_module_bit(i)) && supervisor->children[i].pid != 0)
 			return false;
 	return true;
 }
 
 /* One that was killed, or had begun a command in the last moment, is followed by another generation. */
-static uint32_t find_seamless(const struct supervisor *supervisor)
+static map_modules find_seamless(const struct supervisor *supervisor)
 {
 	const struct reload *reload = &supervisor->reload;
-	uint32_t seamless = 0;
+	map_modules seamless = 0;
 
 	for (uint32_t i = 0; i < map_module_count(supervisor->map); i++)
-		if ((reload->exchanged & reload->valid & 1u << i) && reload->incoming[i] != 0 &&
+		if ((reload->exchanged & reload->valid & map_module_bit(i)) && reload->incoming[i] != 0 &&
 		    !map_has_commands_under_way(supervisor->map, i))
-			seamless |= 1u << i;
+			seamless |= map_module_bit(i);
 	return seamless;
 }
 
@@ -409,18 +410,18 @@ static void start_again(struct supervisor *supervisor, uint32_t index)
 	supervisor->children[index].restart_at_ns = 0;
 	supervisor->children[index].attached = false;
 	if (supervisor->children[index].held) { /* nothing is to be proven */
-		reload->again &= ~(1u << index);
-		reload->exchanged &= ~(1u << index);
+		reload->again &= ~map_module_bit(index);
+		reload->exchanged &= ~map_module_bit(index);
 	}
 }
 
-static void begin_proof(struct supervisor *supervisor, uint32_t seamless, uint32_t late)
+static void begin_proof(struct supervisor *supervisor, map_modules seamless, map_modules late)
 {
 	struct reload *reload = &supervisor->reload;
 
 	reload->again |= late;
 	for (uint32_t i = 0; i < map_module_count(supervisor->map); i++) {
-		const uint32_t bit = 1u << i;
+		const map_modules bit = map_module_bit(i);
 
 		if (reload->gone & bit)
 			map_module_ended(supervisor->map, i, false);
@@ -439,12 +440,12 @@ static void begin_proof(struct supervisor *supervisor, uint32_t seamless, uint32
 }
 
 /* Of modules that go on in another generation, before they are told of it. */
-static void begin_generations(struct supervisor *supervisor, uint32_t seamless)
+static void begin_generations(struct supervisor *supervisor, map_modules seamless)
 {
 	const struct reload *reload = &supervisor->reload;
 
 	for (uint32_t i = 0; i < map_module_count(supervisor->map); i++)
-		if ((reload->exchanged & ~seamless & 1u << i) && reload->incoming[i] != 0)
+		if ((reload->exchanged & ~seamless & map_module_bit(i)) && reload->incoming[i] != 0)
 			map_module_starting(supervisor->map, i);
 }
 
@@ -464,7 +465,7 @@ static void put_into_force(struct supervisor *supervisor)
 	struct map_config before;
 	char error[MAP_ERROR_SIZE];
 	struct map_switching how = {.again = reload->again, .carry = carry_section};
-	uint32_t late = 0;
+	map_modules late = 0;
 
 	if (!have_ended(supervisor, ending(reload)))
 		return;
@@ -480,7 +481,7 @@ static void put_into_force(struct supervisor *supervisor)
 		return;
 	}
 	for (uint32_t i = 0; i < map_module_count(supervisor->map); i++)
-		late |= waits_for_the_former(reload, i) ? 1u << i : 0;
+		late |= waits_for_the_former(reload, i) ? map_module_bit(i) : 0;
 	map_unlink_former(supervisor->map, reload->next);
 	if (map_renew(supervisor->map, &before, error) < 0)
 		abort(); /* what is mapped already cannot be mapped again: the watchdog or init starts rtud anew */
@@ -499,8 +500,9 @@ static const char *find_failure(const struct supervisor *supervisor)
 	const bool late = map_now_ns() > reload->switched_ns + PROVEN_MS * NS_PER_MS;
 
 	for (uint32_t i = 0; i < map_module_count(supervisor->map); i++)
-		if ((reload->broken & 1u << i) ||
-		    (late && (reload->exchanged & 1u << i) && !map_module_has_taken_over(supervisor->map, i)))
+		if ((reload->broken & map_module_bit(i)) ||
+		    (late && (reload->exchanged & map_module_bit(i)) &&
+		     !map_module_has_taken_over(supervisor->map, i)))
 			return map_plan_of(supervisor->map, i)->name;
 	return NULL;
 }
@@ -508,7 +510,7 @@ static const char *find_failure(const struct supervisor *supervisor)
 static bool have_taken_over(const struct supervisor *supervisor)
 {
 	for (uint32_t i = 0; i < map_module_count(supervisor->map); i++)
-		if ((supervisor->reload.exchanged & 1u << i) && supervisor->children[i].pid != 0 &&
+		if ((supervisor->reload.exchanged & map_module_bit(i)) && supervisor->children[i].pid != 0 &&
 		    !map_module_has_taken_over(supervisor->map, i))
 			return false;
 	return true;
@@ -594,7 +596,7 @@ bool reload_reap(struct supervisor *supervisor, pid_t pid, int status)
 
 		if (reload->incoming[i] == pid) {
 			reload->incoming[i] = 0;
-			reload->broken |= 1u << i;
+			reload->broken |= map_module_bit(i);
 			return true;
 		}
 		if (child->pid == pid && reload_holds(supervisor, i)) {
@@ -603,7 +605,7 @@ bool reload_reap(struct supervisor *supervisor, pid_t pid, int status)
 			return true;
 		}
 		if (child->pid == pid && reload->phase == RELOAD_PROVING)
-			reload->broken |= reload->exchanged & 1u << i;
+			reload->broken |= reload->exchanged & map_module_bit(i);
 	}
 	return false;
 }
@@ -612,5 +614,5 @@ bool reload_holds(const struct supervisor *supervisor, uint32_t module)
 {
 	const struct reload *reload = &supervisor->reload;
 
-	return reload->phase == RELOAD_ENDING && (ending(reload) & 1u << module);
+	return reload->phase == RELOAD_ENDING && (ending(reload) & map_module_bit(module));
 }

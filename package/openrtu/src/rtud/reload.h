@@ -35,10 +35,10 @@ struct reload {
 	struct map *next;   /* the configuration that was prepared; NULL: none */
 	struct map *former; /* to go back to, while the new processes prove themselves; NULL: none */
 	pid_t incoming[MAP_MODULES_MAX]; /* new processes that wait; 0: none */
-	uint32_t exchanged, added, gone; /* modules, a bit each */
-	uint32_t again;                  /* those that start again in the segments that they have */
-	uint32_t valid;                  /* of these, those whose points were */
-	uint32_t broken;                 /* of these, those whose new process ended */
+	map_modules exchanged, added, gone;
+	map_modules again;  /* those that start again in the segments that they have */
+	map_modules valid;  /* of these, those whose points were */
+	map_modules broken; /* of these, those whose new process ended */
 	int64_t deadline_ns, switched_ns;
 };
 

@@ -6,7 +6,7 @@
 #include "modules/iec61850/cid.h"
 #include "rtud/config.h"
 
-/* Prints the server of IEC 61850 on stdout. Errors as config_check. Returns the exit code. */
+/* Prints the server of IEC 61850 on stdout. Errors as config_load. Returns the exit code. */
 int scl_print(const char *path, struct config_modules modules, struct cid_form form);
 
 #endif

@@ -25,6 +25,7 @@
 #include "rtud/filter.h"
 #include "rtud/force.h"
 #include "rtud/kinds.h"
+#include "rtud/plan.h"
 #include "rtud/process.h"
 #include "rtud/programs.h"
 #include "rtud/reload.h"
@@ -603,6 +604,33 @@ static bool look_for_programs(const struct supervisor *supervisor)
 	return missing == 0 || missing < wanted;
 }
 
+/* Each line on stderr, as rtud's. */
+static void print_reasons(const char *lines)
+{
+	while (*lines != '\0') {
+		const size_t length = strcspn(lines, "\n");
+
+		fprintf(stderr, "rtud: %.*s\n", (int)length, lines);
+		lines += length + (lines[length] == '\n');
+	}
+}
+
+static bool plan(struct map_config *config, const struct supervise_options *options)
+{
+	char *lines = NULL;
+	size_t size;
+	FILE *messages = open_memstream(&lines, &size);
+	bool possible;
+
+	if (messages == NULL)
+		return false;
+	possible = plan_modules(config, options->map, messages);
+	fclose(messages);
+	print_reasons(lines);
+	free(lines);
+	return possible;
+}
+
 /* What has to be before any of them is started. */
 static void begin_modules(const struct supervisor *supervisor)
 {
@@ -629,10 +657,8 @@ int supervise(struct map_config *config, const struct supervise_options *options
 	bool started;
 
 	supervisor.options = options;
-	if (!kinds_plan(config)) {
-		fprintf(stderr, "rtud: too many processes: %d modules at most\n", MAP_MODULES_MAX);
+	if (!plan(config, options))
 		return 1;
-	}
 	if (map_create(&supervisor.map, options->map, config, options->uid_base, error) < 0) {
 		fprintf(stderr, "rtud: %s\n", error);
 		return 1;

@@ -64,7 +64,7 @@ struct snmp_freeze {
 /* The freeze that is under way, of which there is one at a time. */
 struct snmp_freezing {
 	uint32_t row;
-	uint32_t waiting; /* for these owners, a bit each */
+	map_modules waiting; /* for these owners */
 	uint32_t ids[MAP_MODULES_MAX], generations[MAP_MODULES_MAX];
 	int64_t until_ns;
 };

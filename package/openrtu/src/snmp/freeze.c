@@ -47,26 +47,26 @@ static bool is_meant(const struct snmp_agent *agent, uint16_t ca, uint8_t group,
 }
 
 /* One counter of each owner that has some to freeze. Returns the owners, a bit each. */
-static uint32_t find_owners(const struct snmp_agent *agent, uint16_t ca, uint8_t group,
-			    uint32_t points[MAP_MODULES_MAX])
+static map_modules find_owners(const struct snmp_agent *agent, uint16_t ca, uint8_t group,
+			       uint32_t points[MAP_MODULES_MAX])
 {
-	uint32_t owners = 0;
+	map_modules owners = 0;
 
 	for (uint32_t i = 0; i < agent->lists[SNMP_TOTALS].count; i++) {
 		const uint32_t point = counter_at(agent, i), owner = map_owner(agent->map, point);
 
-		if ((owners & 1u << owner) || !is_meant(agent, ca, group, point))
+		if ((owners & map_module_bit(owner)) || !is_meant(agent, ca, group, point))
 			continue;
-		owners |= 1u << owner;
+		owners |= map_module_bit(owner);
 		points[owner] = point;
 	}
 	return owners;
 }
 
-static bool all_alive(const struct snmp_agent *agent, uint32_t owners)
+static bool all_alive(const struct snmp_agent *agent, map_modules owners)
 {
 	for (uint32_t i = 0; i < MAP_MODULES_MAX; i++)
-		if ((owners & 1u << i) && !map_alive(agent->map, i))
+		if ((owners & map_module_bit(i)) && !map_alive(agent->map, i))
 			return false;
 	return true;
 }
@@ -112,7 +112,7 @@ static void end_freeze(struct snmp_agent *agent, uint32_t owner, uint8_t result)
 {
 	struct snmp_freeze *freeze = &agent->freezes[agent->freezing.row];
 
-	agent->freezing.waiting &= ~(1u << owner);
+	agent->freezing.waiting &= ~map_module_bit(owner);
 	if (result != MAP_RESULT_DONE)
 		freeze->result = result;
 	if (agent->freezing.waiting != 0)
@@ -145,7 +145,8 @@ static void apply_freeze(struct snmp_agent *agent, const struct snmp_change *cha
 {
 	struct snmp_freeze *freeze = &agent->freezes[change->place.row];
 	struct snmp_freezing *freezing = &agent->freezing;
-	uint32_t points[MAP_MODULES_MAX], owners;
+	uint32_t points[MAP_MODULES_MAX];
+	map_modules owners;
 
 	freeze->spin = snmp_next_spin(freeze->spin);
 	freeze->action = (uint8_t)change->number[FREEZE_ACTION];
@@ -163,7 +164,7 @@ static void apply_freeze(struct snmp_agent *agent, const struct snmp_change *cha
 	if (owners == 0)
 		end_freeze(agent, 0, MAP_RESULT_DONE);
 	for (uint32_t i = 0; i < MAP_MODULES_MAX; i++)
-		if (owners & 1u << i)
+		if (owners & map_module_bit(i))
 			ask_owner(agent, freeze, i, points[i]);
 }
 
@@ -172,7 +173,7 @@ static void apply_freeze(struct snmp_agent *agent, const struct snmp_change *cha
 void snmp_freeze_answered(struct snmp_agent *agent, const struct map_answer *answer)
 {
 	for (uint32_t i = 0; i < MAP_MODULES_MAX; i++)
-		if ((agent->freezing.waiting & 1u << i) && agent->freezing.ids[i] == answer->id)
+		if ((agent->freezing.waiting & map_module_bit(i)) && agent->freezing.ids[i] == answer->id)
 			end_freeze(agent, i, answer->result);
 }
 
@@ -190,7 +191,7 @@ static bool is_lost(const struct snmp_agent *agent, uint32_t owner)
 bool snmp_freezes_tick(struct snmp_agent *agent)
 {
 	for (uint32_t i = 0; i < MAP_MODULES_MAX; i++)
-		if ((agent->freezing.waiting & 1u << i) && is_lost(agent, i))
+		if ((agent->freezing.waiting & map_module_bit(i)) && is_lost(agent, i))
 			end_freeze(agent, i, MAP_RESULT_UNKNOWN_FATE);
 	return agent->freezing.waiting != 0;
 }

@@ -5,10 +5,10 @@
 #include "foreign/config.h"
 #include "foreign/config_part.h"
 #include "modules/kind.h"
+#include "modules/users.h"
 #include "synch/config.h"
 
-#define FIRST_USER 21 /* behind those of our own kinds */
-#define MIB        (1024u * 1024u)
+#define MIB (1024u * 1024u)
 
 static bool plan(struct map_config *config)
 {
@@ -27,7 +27,7 @@ static bool plan(struct map_config *config)
 		    .heartbeat_limit_ms = modules[i].heartbeat_limit_ms,
 		    .section_size = sizeof(struct map_scans),
 		    .counters = FOREIGN_COUNTERS,
-		    .user = FIRST_USER + i,
+		    .user = FIRST_FOREIGN_USER + i,
 		};
 		uint32_t number;
 

@@ -15,7 +15,7 @@
 #include "modules/calls.h"
 #include "modules/goose/filter.h"
 
-#define USER               18 /* docs/architecture.md */
+#define USER               19 /* docs/architecture.md */
 #define HEARTBEAT_LIMIT_MS 1000
 
 static const struct call_rule calls[] = {

@@ -78,10 +78,18 @@ static enum kind_change change(const struct map_config *before, const struct map
 										: KIND_STARTS_AGAIN;
 }
 
+static bool listens(const struct map_config *config, struct kind_port *out)
+{
+	*out =
+	    (struct kind_port){SOCK_STREAM, iec104_settings(config)->address, iec104_settings(config)->port};
+	return true;
+}
+
 const struct kind iec104_kind = {
     .name = IEC104_KIND,
     .part = &iec104_part,
     .plan = plan,
+    .listens = listens,
     .programs = programs,
     .program_count = sizeof(programs) / sizeof(programs[0]),
     .choose = choose,

@@ -90,10 +90,18 @@ static bool same(const struct map_config *a, const struct map_config *b, uint32_
 	       same_records(a, b, IEC61850_REPORTS, sizeof(struct iec61850_report));
 }
 
+static bool listens(const struct map_config *config, struct kind_port *out)
+{
+	*out = (struct kind_port){SOCK_STREAM, iec61850_settings(config)->address,
+				  iec61850_settings(config)->port};
+	return true;
+}
+
 const struct kind iec61850_kind = {
     .name = IEC61850_KIND,
     .part = &iec61850_part,
     .plan = plan,
+    .listens = listens,
     .programs = programs,
     .program_count = sizeof(programs) / sizeof(programs[0]),
     .choose = choose,

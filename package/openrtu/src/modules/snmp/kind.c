@@ -6,6 +6,7 @@
 #include <errno.h>
 #include <stddef.h>
 #include <string.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -176,10 +177,17 @@ static void carry(const struct map_config *before, const void *from, const struc
 	carry_stations(now, &former, to);
 }
 
+static bool listens(const struct map_config *config, struct kind_port *out)
+{
+	*out = (struct kind_port){SOCK_DGRAM, snmp_settings(config)->address, snmp_settings(config)->port};
+	return true;
+}
+
 const struct kind snmp_kind = {
     .name = SNMP_KIND,
     .part = &snmp_part,
     .plan = plan,
+    .listens = listens,
     .programs = &program,
     .program_count = 1,
     .begin = begin,

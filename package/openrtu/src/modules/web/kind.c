@@ -93,10 +93,17 @@ static bool same(const struct map_config *a, const struct map_config *b, uint32_
 	return memcmp(web_settings(a), web_settings(b), sizeof(struct web_settings)) == 0;
 }
 
+static bool listens(const struct map_config *config, struct kind_port *out)
+{
+	*out = (struct kind_port){SOCK_STREAM, web_settings(config)->address, web_settings(config)->port};
+	return true;
+}
+
 const struct kind web_kind = {
     .name = WEB_KIND,
     .part = &web_part,
     .plan = plan,
+    .listens = listens,
     .programs = &program,
     .program_count = 1,
     .run = run,
