@@ -14,6 +14,7 @@ struct host_point {
 	uint32_t point;
 	enum map_type type;
 	bool own;
+	bool awaited;             /* the first scan waits for it */
 	bool kept;                /* a former process has said what masters have set */
 	struct map_sample sample; /* as it was read, or published, last */
 	uint8_t cause;            /* enum map_cause of the next publication */
@@ -48,6 +49,7 @@ struct host {
 	struct commanding *commanding; /* the same */
 	struct host_request *requests; /* of each REQUEST */
 	struct map_update *updates;    /* of own points */
+	int64_t inputs_until_ns;       /* the first scan waits for inputs until then */
 };
 
 /* ---- points.c ---------------------------------------------------------------------------- */
@@ -63,6 +65,13 @@ void points_publish_set(struct host *host, struct host_point *point);
 struct host_point *points_find(const struct host *host, uint32_t point);
 /* NULL: a name that is none of the program's. */
 struct host_point *points_named(const struct host *host, uint16_t name);
+
+/* ---- inputs.c ---------------------------------------------------------------------------- */
+
+/* The program has not run since the gateway began: its first scan waits for what it reads. */
+void inputs_begin(struct host *host);
+/* Each of these has been read once, or has had its time. */
+bool inputs_are_known(struct host *host, int64_t now_ns);
 
 /* ---- commands.c -------------------------------------------------------------------------- */
 

@@ -14,8 +14,9 @@
 #include "modules/logic/host.h"
 #include "modules/module.h"
 
-#define BEAT_MS    100             /* a tenth of the limit of its heartbeat */
-#define SILENCE_NS (10 * NS_PER_S) /* between two lines of the log about faults */
+#define BEAT_MS    100              /* a tenth of the limit of its heartbeat */
+#define LOOK_NS    (50 * NS_PER_MS) /* between two looks at inputs that the first scan waits for */
+#define SILENCE_NS (10 * NS_PER_S)  /* between two lines of the log about faults */
 
 static struct host host;
 
@@ -153,6 +154,19 @@ static int64_t due_now(int64_t due_ns, int64_t now_ns)
 	return due_ns + (now_ns - due_ns) / period_ns * period_ns;
 }
 
+/* ---- the first scan ---------------------------------------------------------------------- */
+
+/* In a net, its author says who goes first. */
+static bool has_begun(int64_t now_ns, int64_t *last_ns)
+{
+	if (host.stats->begun_ns != 0)
+		return true;
+	if (!synched_waits(&host.synched) && !inputs_are_known(&host, now_ns))
+		return false;
+	host.stats->begun_ns = *last_ns = now_ns;
+	return true;
+}
+
 /* ---- the loop ---------------------------------------------------------------------------- */
 
 static int pause_ms(int64_t due_ns)
@@ -171,7 +185,7 @@ static void run(int stop)
 	int64_t due_ns = map_now_ns(), last_ns = due_ns;
 
 	if (host.stats->begun_ns == 0)
-		host.stats->begun_ns = due_ns;
+		inputs_begin(&host);
 	while (map_may_run(host.map)) {
 		int64_t now_ns;
 
@@ -180,7 +194,9 @@ static void run(int stop)
 		now_ns = map_now_ns();
 		hear_net();
 		requests_take(&host, now_ns);
-		if (now_ns >= due_ns && may_scan()) {
+		if (!has_begun(now_ns, &last_ns)) {
+			due_ns = now_ns + LOOK_NS;
+		} else if (now_ns >= due_ns && may_scan()) {
 			struct logic_times times = times_of(now_ns, host.stats->begun_ns, last_ns);
 
 			if (!synched_waits(&host.synched)) /* or it waited for others */
