@@ -498,6 +498,28 @@ def test_wheel_is_installed_and_finds_the_library(programs: Path, tmp_path: Path
     assert "install libopenrtu (make install), or name it in OPENRTU_LIBRARY" in done.stderr
 
 
+def test_the_page_installs_the_package_beside_debians_python(programs: Path, tmp_path: Path) -> None:
+    """Debian's Python takes nothing from pip (PEP 668): the page's lines, and the ten lines with them."""
+    page = (ROOT / "docs/writing-a-module.md").read_text()
+    block = re.search(r"```sh\n(   ldconfig\n.*?)   ```", page, re.DOTALL)
+    assert block is not None
+    (shebang,) = re.findall(r"`#!(/usr/local/lib/openrtu/\S+)`", page)
+    lines = block[1].replace("ldconfig\n", "\n").replace("/usr/local/lib/openrtu", str(tmp_path / "place"))
+    lines = lines.replace("./package/openrtu/python", str(tmp_path / "source"))
+    shutil.copytree(PACKAGE, tmp_path / "source")
+    environment = {"PATH": "/usr/bin:/bin", "OPENRTU_LIBRARY": str(library(programs))}
+    done = subprocess.run(
+        ["bash", "-e", "-c", lines], env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    module = tmp_path / "pump.py"
+    text = (EXAMPLES / "pump.py").read_text().split("\n", 1)[1]
+    module.write_text(f"#!{shebang.replace('/usr/local/lib/openrtu', str(tmp_path / 'place'))}\n{text}")
+    module.chmod(0o755)
+    started = subprocess.run([module], env=environment, capture_output=True, text=True, check=False)
+    assert "a module is started by rtud" in started.stderr
+
+
 def version() -> str:
     return (ROOT / "package/openrtu/src/VERSION").read_text().strip()
 

@@ -158,6 +158,10 @@ def test_man_pages_hold_what_help_says(programs: Path) -> None:
     assert [word for word in words if not re.search(rf"^   {word}$", page, re.MULTILINE)] == []
     pins = run("man", "--local-file", "--encoding=ascii", ROOT / "build/man/nuc980-pins.1")
     assert "--chip-only" in pins and "COMMANDS" in pins
+    tools = run("man", "--local-file", "--encoding=ascii", ROOT / "build/man/openrtu.1")
+    assert re.findall(r"^   (logic test|centre file user|snmp-keys)$", tools, re.MULTILINE) == [
+        "logic test", "snmp-keys", "centre file user",
+    ]  # fmt: skip
 
 
 # ---- the Debian package ----------------------------------------------------------------------------

@@ -29,6 +29,8 @@ COMMAND = re.compile(
     r"(?:^positional arguments:\n  COMMAND\n)?^ {2,4}([a-z][a-z0-9-]*)(?: .*)?\n(?:^ {12,}\S.*\n)?",
     re.MULTILINE,
 )
+# The same list in the help of a command.
+OWN_COMMANDS = re.compile(r"^  COMMAND\n(?: {4}.*\n)+", re.MULTILINE)
 
 
 WIDTH = 78  # of argparse's help
@@ -46,13 +48,21 @@ def literal(text: str) -> str:
     return ".nf\n" + re.sub(r"^(?=[.'])", r"\&", escaped.strip("\n"), flags=re.MULTILINE) + "\n.fi\n"
 
 
-def commands_of(program: Path, names: list[str]) -> str:
+def commands_of(program: Path, names: list[str], *before: str) -> str:
+    """Of each command its help; behind it that of its own commands. Before: the words up to the name."""
     section = ""
     for name in names:
-        usage, _, rest = output_of(program, name, "--help").partition("\n\n")
-        synopsis = re.sub(rf"^.*? (?={name}\b)", "", " ".join(usage.split())).replace("-", r"\-")
-        section += f".SS {name}\n{synopsis}\n.PP\n{literal(rest)}"
-    return f"[COMMANDS]\n{section}\n" if section else ""
+        usage, _, rest = output_of(program, *before, name, "--help").partition("\n\n")
+        usage = " ".join(usage.split())
+        path = " ".join([*before, name])
+        synopsis = re.sub(rf"^.*? (?={path}\b)", "", usage).replace("-", r"\-")
+        section += f".SS {path}\n{synopsis}\n.PP\n{literal(rest)}"
+        if own := OWN_COMMANDS.search(rest):
+            operands = re.findall(
+                r" ([a-z]+)(?= )", re.sub(r"\[[^]]*\]", "", usage.partition(f" {path} ")[2])
+            )
+            section += commands_of(program, COMMAND.findall(own[0]), *before, name, *operands)
+    return section
 
 
 def stand_in(folder: Path, program: Path, text: str) -> Path:
@@ -67,7 +77,8 @@ def stand_in(folder: Path, program: Path, text: str) -> Path:
 
 def write_page(program: Path, section: str, purpose: str, out: Path) -> None:
     text, _, examples = output_of(program, "--help", width=UNFOLDED).partition("\nexamples:\n")
-    more = commands_of(program, COMMAND.findall(text))
+    commands = commands_of(program, COMMAND.findall(text))
+    more = f"[COMMANDS]\n{commands}\n" if commands else ""
     if examples:
         more += f"[EXAMPLES]\n{literal(examples)}\n"
     see_also = SEE_ALSO.get(program.name, "rtud(8), rtuctl(1)")
