@@ -35,7 +35,7 @@ ON_BOARD = (  # the gateway there
 )
 NETBOOT = "test-netboot tests/twin/test_uboot.py test-linux test-bench"  # who boots over the debug UART
 TREE = "tests/test_tree.py"  # it reads every file
-PIP = "lint tests/test_pip_install.py"
+PIP = "lint tests/test_pip_install.py tests/test_tools_mistakes.py"
 ALL = f"{C} fuzzers test-sanitizers {' '.join(TARGETS.values())}"
 
 # What a change of a path can reach: targets, or files of tests. The first pattern that fits counts; what

@@ -62,6 +62,10 @@ def main(words: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # `| head` has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
+    except KeyboardInterrupt:
+        return 130
+    except EOFError:
+        text, code = "the input ended before all was answered", UNUSABLE
     except ToolError as error:
         text, code = str(error), error.exit_code
     except OSError as error:

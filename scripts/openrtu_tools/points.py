@@ -14,11 +14,10 @@ import re
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from nuc980.errors import UnusableInput
-
-Json = dict[str, Any]
+from openrtu_tools import document
+from openrtu_tools.document import Json
 
 TABLES = ("coils", "discrete_inputs", "input_registers", "holding_registers")
 TYPES = {
@@ -132,49 +131,42 @@ class Slaves:
             self.error(line, f'{key}: "{cell}" is not a number, truth value or array')
 
 
-def read_json(path: Path) -> Json:
-    """A file's JSON object."""
-    try:
-        document = json.loads(path.read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise PointsError(f"{path}: {error.strerror}") from error
-    except ValueError as error:
-        raise PointsError(f"{path}: {error}") from error
-    if not isinstance(document, dict):
-        raise PointsError(f"{path}: is not a JSON object")
-    return document
-
-
-def read_templates(path: Path, document: Json) -> Json:
+def read_templates(path: Path, config: Json) -> Json:
     """The templates of a file and of those that it includes, by name."""
     templates: Json = {}
-    waiting, read = [(path, document)], set[Path]()
+    waiting, read = [(path, config)], set[Path]()
     while waiting:
         source, file = waiting.pop()
         read.add(source.resolve())
-        templates |= file.get("templates", {})
-        for included in (source.parent / name for name in file.get("include", [])):
+        own, includes = file.get("templates", {}), file.get("include", [])
+        if not isinstance(own, dict) or not all(isinstance(one, dict) for one in own.values()):
+            raise PointsError(f"{source}: templates: is not an object of objects")
+        if not isinstance(includes, list) or not all(isinstance(name, str) for name in includes):
+            raise PointsError(f"{source}: include: is not an array of names of files")
+        templates |= own
+        for included in (source.parent / name for name in includes):
             if included.resolve() not in read:
-                waiting.append((included, read_json(included)))
+                waiting.append((included, document.read(included)))
     return templates
 
 
 def read_lines(path: Path) -> Json:
     """The configuration that says what the lines are, without the objects of its slaves."""
-    config = read_json(path)
+    config = document.read(path)
     if not isinstance(config.get("port"), list):
         raise PointsError(f"{path}: is not a configuration: an object with an array port")
     templates = read_templates(path, config)
     config.pop("include", None)
     config.pop("templates", None)
-    for port in config["port"]:
-        port["slaves"] = [without_objects(slave, templates) for slave in port.get("slaves", [])]
+    for number, port in enumerate(document.objects(config, "port", f"{path}: ")):
+        slaves = document.objects(port, "slaves", f"{path}: port[{number}].")
+        port["slaves"] = [without_objects(slave, templates) for slave in slaves]
     return config
 
 
 def without_objects(slave: Json, templates: Json) -> Json:
     """A slave with what its template says of the device, such as the registers that one request may read."""
-    template: Json = templates.get(slave.get("template", ""), {})
+    template: Json = templates.get(str(slave.get("template", "")), {})
     own = {key: value for key, value in slave.items() if key not in OF_OBJECTS}
     return {key: value for key, value in template.items() if key not in (*IN_ROWS, "id")} | own
 
@@ -224,12 +216,15 @@ def read_points(path: Path, slaves: Slaves) -> None:
     """Adds the points of a CSV."""
     delimiter, reader = read_table(path)
     slaves.decimal_comma = delimiter != ","
-    for row in reader:
-        more = row.pop(None, [])  # type: ignore[call-overload]
-        if any(more) or None in row.values():
-            slaves.error(reader.line_num, "has another number of cells than the first line")
-        elif row["port"] != "":  # the gateway's own station has none: own_ca makes it
-            slaves.add(row, reader.line_num)
+    try:
+        for row in reader:
+            more = row.pop(None, [])  # type: ignore[call-overload]
+            if any(more) or None in row.values():
+                slaves.error(reader.line_num, "has another number of cells than the first line")
+            elif row["port"] != "":  # the gateway's own station has none: own_ca makes it
+                slaves.add(row, reader.line_num)
+    except csv.Error as error:
+        raise PointsError(f"{path}:{reader.line_num + 1}: {error}") from error
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

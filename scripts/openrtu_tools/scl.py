@@ -16,8 +16,9 @@ from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
 from nuc980.errors import UnusableInput
+from openrtu_tools import document
+from openrtu_tools.document import Json
 
-Json = dict[str, Any]
 Key = tuple[str, str, str]  # logical device, logical node, data object
 
 SIZE_MAX, DEPTH_MAX = 64 << 20, 32
@@ -482,14 +483,15 @@ def plain(publication: Json) -> Json:
 
 
 def read_config(path: Path) -> Json:
-    try:
-        config = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise SclError(f"{path}: {error.strerror}") from error
-    except ValueError as error:
-        raise SclError(f"{path}: {error}") from error
-    if not isinstance(config, dict) or not isinstance(config.get("iec61850"), dict):
+    config = document.read(path)
+    if not isinstance(config.get("iec61850"), dict):
         raise SclError(f'{path}: has no object "iec61850", and so no server to configure: add one')
+    goose = config.get("goose", {})
+    if not isinstance(goose, dict):
+        raise SclError(f"{path}: goose: is not an object")
+    for number, each in enumerate(document.objects(goose, "publish", f"{path}: goose.")):
+        for key in ("name", "control_block"):
+            document.text(each, key, f"{path}: goose.publish[{number}].")
     return config
 
 

@@ -8,14 +8,14 @@ written holds keys that are localized to one engine (RFC 3414, 2.6): of one gate
 import argparse
 import getpass
 import hashlib
-import json
 import os
 import secrets
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from nuc980.errors import UnusableInput
+from openrtu_tools import document
+from openrtu_tools.document import Json
 
 MEBIOCTET = 1 << 20
 SHORTEST = 8  # characters of a pass phrase: RFC 3414, 11.2
@@ -72,7 +72,11 @@ def new_engine_id() -> bytes:
 def read_passphrases(path: Path) -> dict[str, Passphrases]:
     """A file of lines with three words."""
     found = {}
-    for number, line in enumerate(path.read_text().splitlines(), 1):
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except UnicodeDecodeError as error:
+        raise KeysError(f"{path}: this is not UTF-8 text") from error
+    for number, line in enumerate(lines, 1):
         words = line.split()
         if not words or words[0].startswith("#"):
             continue
@@ -94,23 +98,24 @@ def passphrases_of(user: str, known: dict[str, Passphrases]) -> Passphrases:
     return known[user]
 
 
-def lines_of(snmp: dict[str, Any], arguments: argparse.Namespace) -> list[str]:
+def lines_of(snmp: Json, arguments: argparse.Namespace) -> list[str]:
     """The file of keys for a configuration's object "snmp"."""
     known = read_passphrases(arguments.passphrases) if arguments.passphrases else {}
-    engine = bytes.fromhex(arguments.engine_id) if arguments.engine_id else new_engine_id()
-    engines = dict(each.split("=", 1) for each in arguments.sink)
+    engine = arguments.engine_id or new_engine_id()
+    engines = dict(arguments.sink)
+    where = f"{arguments.configuration}: snmp."
     lines = [f"engine {engine.hex()}"]
-    for user in snmp.get("users", []):
-        name = user["name"]
+    for number, user in enumerate(document.objects(snmp, "users", where)):
+        name = document.text(user, "name", f"{where}users[{number}].")
         lines.append(f"user {name} {keys_of(passphrases_of(name, known), engine, arguments)}")
-    for sink in snmp.get("sinks", []):
+    for number, sink in enumerate(document.objects(snmp, "sinks", where)):
         if sink.get("kind", "inform") == "trap":
             continue
-        if sink["name"] not in engines:
-            raise KeysError(f"the engine ID of the sink {sink['name']} is missing: --sink {sink['name']}=ID")
-        authoritative = bytes.fromhex(engines[sink["name"]])
-        keys = keys_of(passphrases_of(sink["user"], known), authoritative, arguments)
-        lines.append(f"sink {sink['name']} {authoritative.hex()} {keys}")
+        name, user = (document.text(sink, key, f"{where}sinks[{number}].") for key in ("name", "user"))
+        if name not in engines:
+            raise KeysError(f"the engine ID of the sink {name} is missing: --sink {name}=ID")
+        keys = keys_of(passphrases_of(user, known), engines[name], arguments)
+        lines.append(f"sink {name} {engines[name].hex()} {keys}")
     return lines
 
 
@@ -121,26 +126,48 @@ def write(path: Path, lines: list[str]) -> None:
         file.write("\n".join(lines) + "\n")
 
 
+def engine_id(text: str) -> bytes:
+    """Of the command line, in hexadecimal (RFC 3411, SnmpEngineID)."""
+    try:
+        octets = bytes.fromhex(text)
+    except ValueError:
+        octets = b""
+    if not 5 <= len(octets) <= 32:
+        raise argparse.ArgumentTypeError(f'"{text}" is no engine ID, 5 to 32 octets in hexadecimal')
+    return octets
+
+
+def sink_engine(text: str) -> tuple[str, bytes]:
+    name, equals, engine = text.partition("=")
+    if not name or not equals:
+        raise argparse.ArgumentTypeError(f'"{text}" is not NAME=ID')
+    return name, engine_id(engine)
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("configuration", type=Path, help='a file of the gateway with the object "snmp"')
     parser.add_argument("keys", type=Path, help="the file to write")
-    parser.add_argument("--engine-id", help="of the gateway, in hexadecimal: one that it has had  [random]")
+    parser.add_argument(
+        "--engine-id",
+        type=engine_id,
+        metavar="ID",
+        help="of the gateway, one that it has had [random]",
+    )
     parser.add_argument(
         "--passphrases", type=Path, help="a file with NAME AUTHENTICATION ENCRYPTION in each line"
     )
-    parser.add_argument("--sink", metavar="NAME=ID", action="append", default=[], help="a sink's engine ID")
+    parser.add_argument(
+        "--sink", type=sink_engine, metavar="NAME=ID", action="append", default=[], help="a sink's engine ID"
+    )
     parser.add_argument("--authentication", choices=AUTHENTICATIONS, default="SHA-256")
     parser.add_argument("--encryption", choices=ENCRYPTIONS, default="AES-128")
 
 
 def run(parsed: argparse.Namespace) -> int:
-    try:
-        snmp = json.loads(parsed.configuration.read_text()).get("snmp")
-        if snmp is None:
-            raise KeysError(f'{parsed.configuration} has no object "snmp"')
-        lines = lines_of(snmp, parsed)
-    except ValueError as error:
-        raise KeysError(str(error)) from error
+    snmp = document.read(parsed.configuration).get("snmp")
+    if not isinstance(snmp, dict):
+        raise KeysError(f'{parsed.configuration} has no object "snmp"')
+    lines = lines_of(snmp, parsed)
     write(parsed.keys, lines)
     print(f"the engine ID of the gateway is {lines[0].split()[1]}; {parsed.keys} goes to the gateway")
     return 0
