@@ -26,6 +26,7 @@ CENTRE   := .venv/python-centre.done
 IMAGING  := .venv/python-images.done
 LINTED   := .venv/python-lint.done
 TOOLS    := .venv/python-tools.done
+WHEELING := .venv/python-wheels.done
 TESTED   := .venv/python-tests.done
 SYSROOT  := build/arm-sysroot/done
 
@@ -164,7 +165,7 @@ LEFT := build/python package/openrtu/python/build
 # What dates the files in a wheel: the last commit, or in a tree without git the change log.
 DATED = $(shell git -c safe.directory="*" log -1 --format=%ct 2> /dev/null || date --reference=CHANGELOG.md +%s)
 
-wheels: centre-page .venv/python-wheels.done ## Build: openrtu-tools and the modules' library openrtu, for pip, in build/wheels
+wheels: centre-page $(WHEELING) ## Build: openrtu-tools and the modules' library openrtu, for pip, in build/wheels
 	rm -rf $(WHEELS) $(LEFT)
 	$(LOGGED) wheels env SOURCE_DATE_EPOCH=$(DATED) $(PYTHON) -m pip wheel --disable-pip-version-check --no-build-isolation \
 	  --no-deps --wheel-dir $(WHEELS) . ./package/openrtu/python
@@ -565,7 +566,7 @@ AREA = $(PYTEST) $(or $(FILES),--area $(@:test-%=%))
 
 test-station: build $(TESTED) ## Test: the controlled station: IEC 104 and TLS
 test-lines: build $(TESTED) ## Test: the Modbus lines
-test-gateway: build .asan fuzzers build/packages-deb.done build/gpsd/done build/chronyd/done build/mibs/done build/exporter/done $(TESTED) ## Test: the gateway as a whole, its configuration, the tree
+test-gateway: build .asan fuzzers centre-page $(WHEELING) build/packages-deb.done build/gpsd/done build/chronyd/done build/mibs/done build/exporter/done $(TESTED) ## Test: the gateway as a whole, its configuration, the tree
 test-bench: build .compared $(TESTED) ## Test: what make bench measures with
 test-pins: $(TESTED) ## Test: nuc980-pins
 test-image: $(TESTED) ## Test: the images' configuration and what makes them
@@ -595,7 +596,7 @@ test-offline: build qemu uboot $(TESTED) ## Test: the image of image-offline on 
 test-sanitizers: build .asan $(TESTED) ## Test: the gateway's tests, its modules under AddressSanitizer and UBSan
 	OPENRTU_BUILD=build/asan $(PYTEST) $(UNDER_SANITIZERS)
 
-test-native: build .compared .asan fuzzers qemu uboot centre-page build/packages-deb.done build/packages-centre.done build/gpsd/done build/chronyd/done build/mibs/done build/exporter/done $(TESTED) ## Test: all of pytest but Linux on the emulated board
+test-native: build .compared .asan fuzzers qemu uboot centre-page $(WHEELING) build/packages-deb.done build/packages-centre.done build/gpsd/done build/chronyd/done build/mibs/done build/exporter/done $(TESTED) ## Test: all of pytest but Linux on the emulated board
 	$(PYTEST) --ignore=tests/linux
 
 test-user: ## Test: the README's two commands as a user without rights (takes root)
@@ -608,7 +609,7 @@ test-changed: $(TESTED) ## Test: what a change can reach, and why (BASE=commit: 
 # tests wait (nice); then test-native, which waits half of its time, with test-linux, which fills a core for each guest.
 # What several of them need is built before, by one make. Of the downloads and the configuring, which wait as well, two run
 # at a time.
-SHARED     := build .compared qemu uboot centre-page build/packages-deb.done build/packages-centre.done build/sysroot.ini \
+SHARED     := build .compared qemu uboot centre-page $(WHEELING) build/packages-deb.done build/packages-centre.done build/sysroot.ini \
   build/gpsd/done build/chronyd/done build/mibs/done
 ONLY_LINUX := linux build/boards/numaker/u-boot/done build/swupdate/done build/curl/done $(SYSTEM_PARTS) build/root/gateway-tls.done
 PARTS      := lint unit asan cross fuzzers test-sanitizers
