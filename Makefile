@@ -460,7 +460,8 @@ sbom: build/$(IMAGE)/.config $(LICENCES)
 	$(BUILDROOT_DIR)/utils/generate-cyclonedx --project-name $(IMAGE) --project-version $(file < $(SRC)/VERSION) \
 	  --in-file build/$(IMAGE)/show-info.json --out-file build/$(IMAGE)/sbom.cdx.json 2> build/$(IMAGE)/sbom.log || { \
 	  echo "sbom: $$(tail -n 1 build/$(IMAGE)/sbom.log)" >&2; exit 2; }
-	PYTHONPATH=scripts $(PYTHON) -m image.sbom build/$(IMAGE)/sbom.cdx.json
+	PYTHONPATH=scripts $(PYTHON) -m image.sbom build/$(IMAGE)/sbom.cdx.json --packages build/$(IMAGE)/show-info.json \
+	  --buildroot $(BUILDROOT_DIR) --target build/$(IMAGE)/target
 
 cves: sbom
 	@PYTHONPATH=scripts $(PYTHON) -m image.cves $(BUILDROOT_DIR) build/$(IMAGE)/sbom.cdx.json \

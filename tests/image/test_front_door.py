@@ -36,12 +36,14 @@ include $(BR2_EXTERNAL)/external.mk
 # What `make sbom` calls of Buildroot's; all that show-info says here is Linux' version in its CPE. Buildroot
 # has taken the commit for it before it reads external.mk.
 LINUX = """\
+qstrip = $(strip $(subst ",,$(1)))
+BR2_ROOTFS_OVERLAY = "/a/tree/board/nuc980/rootfs-overlay"
 LINUX_PATCHES = https://example.net/patch-5.10.140-rt73.patch
 LINUX_CPE_ID_VERSION = d366b3919a926b710e2b819556849967f6fe311c
 """
 SHOW_INFO = """\
 show-info:
-	@echo $(LINUX_CPE_ID_VERSION)
+	@echo '{"linux": {"release": "$(LINUX_CPE_ID_VERSION)"}}'
 """
 SHOW_PACKAGES = """\
 show-info:
@@ -52,7 +54,8 @@ GENERATE = """\
 import json, sys
 name, version, read, write = sys.argv[2::2]
 linux = {"bom-ref": "linux", "type": "library", "name": "linux"}
-linux["cpe"] = f"cpe:2.3:o:linux:linux_kernel:{open(read).read().strip()}:-:*:*:*:*:*:*"
+release = json.load(open(read))["linux"]["release"]
+linux["cpe"] = f"cpe:2.3:o:linux:linux_kernel:{release}:-:*:*:*:*:*:*"
 gateway = {"bom-ref": "openrtu", "type": "library", "name": "openrtu"}
 image = {"bom-ref": name, "type": "firmware", "name": name, "version": version}
 bill = {"bomFormat": "CycloneDX", "specVersion": "1.6", "metadata": {"component": image}}

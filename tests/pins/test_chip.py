@@ -36,6 +36,14 @@ def test_packages(package: str, port_pins: int) -> None:
     assert set(case.bonded) <= set(CHIP.pins)
 
 
+@pytest.mark.parametrize(("letter", "package"), [("R", "LQFP64"), ("K", "LQFP128"), ("F", "LQFP216")])
+def test_package_of_a_part_is_that_of_its_letter(letter: str, package: str) -> None:
+    """Those of the vendor's NuWriter among them."""
+    parts = [part for part in CHIP.parts if part.startswith(f"NUC980D{letter}")]
+    assert {CHIP.parts[part] for part in parts} == {package}
+    assert {"NUC980DR41YC", "NUC980DF61YC"} <= CHIP.parts.keys()
+
+
 def test_every_signal_has_an_owner() -> None:
     """But those of no node: debug port, clock output, and two timers that the vendor's tree lacks."""
     ownerless = {signal.partition("_")[0] for signal in CHIP.signals if not CHIP.owners(signal)}

@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""br2-external/external.mk changes what Buildroot does for our boards, and for no other."""
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+# What Buildroot has set by when it reads external.mk.
+BEFORE = """\
+qstrip = $(strip $(subst ",,$(1)))
+LINUX_VERSION = 6.6.1
+LINUX_CPE_ID_VERSION = $(LINUX_VERSION)
+BUSYBOX_PERMISSIONS = /bin/busybox f 4755 0 0
+LINUX_TARGET_BUILD = linux-built
+"""
+PRINT = "print:\n\t@echo '$(LINUX_CPE_ID_VERSION)|$(BUSYBOX_PERMISSIONS)|$(LINUX_PRE_BUILD_HOOKS)'\n"
+OVERLAY = 'BR2_ROOTFS_OVERLAY = "$(BR2_EXTERNAL_OPENRTU_PATH)/../board/nuc980/rootfs-overlay{}"\n'
+PATCH = "LINUX_PATCHES = https://example.net/a-b/patch-5.10.140-rt73.patch\n"
+OTHERS = 'BR2_ROOTFS_OVERLAY = "board/other/rootfs-overlay"\n'
+BUSYBOX = "/bin/busybox f 4755 0 0"
+
+
+@pytest.mark.parametrize(
+    ("config", "said"),
+    [
+        ("", f"6.6.1|{BUSYBOX}|"),
+        ("BR2_PACKAGE_OPENRTU = y\n" + OTHERS, f"6.6.1|{BUSYBOX}|"),
+        (OTHERS + PATCH, f"6.6.1|{BUSYBOX}|"),
+        (OVERLAY.format("") + PATCH, "5.10.140||OPENRTU_LINUX_IMAGE_FOLDER"),
+        (OVERLAY.format(" /a/site/overlay") + PATCH, "5.10.140||OPENRTU_LINUX_IMAGE_FOLDER"),
+        (OVERLAY.format(""), "6.6.1||OPENRTU_LINUX_IMAGE_FOLDER"),
+    ],
+    ids=["another board", "our gateway", "another's patch", "ours", "and an overlay more", "without RT"],
+)
+def test_for_our_boards_alone(tmp_path: Path, config: str, said: str) -> None:
+    external = ROOT / "br2-external"
+    makefile = tmp_path / "Makefile"
+    names = f"BR2_EXTERNAL_OPENRTU_PATH = {external}\n"
+    makefile.write_text(f"{names}{config}{BEFORE}all: print\ninclude {external}/external.mk\n{PRINT}")
+    command = ["make", "-s", "-f", makefile, "print"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, f"{said}\n"), done.stderr
