@@ -197,7 +197,14 @@ def shown(octets: tuple[int, bytes]) -> str:
     tag, content = octets
     if tag in (0x85, 0x86):
         return str(int.from_bytes(content, "big", signed=True))
-    return f"{struct.unpack('>f', content[1:])[0]:.9g}" if tag == 0x87 else content.decode()
+    return fewest_digits(content[1:]) if tag == 0x87 else content.decode()
+
+
+def fewest_digits(octets: bytes) -> str:
+    """Of a float: 0.1, and not 0.100000001."""
+    (number,) = struct.unpack(">f", octets)
+    texts = (f"{number:.{digits}g}" for digits in range(6, 10))
+    return next(text for text in texts if struct.pack(">f", float(text)) == octets)
 
 
 def check_same(client: mms.Client, file: scl.File) -> None:

@@ -3,9 +3,9 @@
  * An object's address, and manuals' numbers for it: Modicon's, whose first digit is the table and whose others count from 1.
  * 40001 and 400001 are holding register 0.
  */
-#include <ctype.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 #include "modbus/config_object.h"
 
@@ -84,16 +84,30 @@ static bool may_be_number(int64_t address, char digits[MODBUS_NUMBER_LONG + 1], 
 	return parse(digits, number);
 }
 
+/* JSON has no hexadecimal numbers, which manuals do print. */
+static bool from_hexadecimal(const char *text, long *number)
+{
+	char *end;
+
+	*number = strtol(text, &end, 16);
+	return strncasecmp(text, "0x", 2) == 0 && *end == '\0' && *number >= 0 &&
+	       *number <= MODBUS_ADDRESS_LAST;
+}
+
 static void explain_address(struct modbus_loader *loader, const struct config_place *here, const json_t *json)
 {
 	char digits[MODBUS_NUMBER_LONG + 1];
 	struct number number;
+	long written;
 
 	if (json_is_string(json) && parse(json_string_value(json), &number))
 		config_note(loader->report, here,
 			    "a number as manuals print it has another key: \"" MODBUS_KEY_REGISTER
 			    "\": \"%s\"",
 			    json_string_value(json));
+	else if (json_is_string(json) && from_hexadecimal(json_string_value(json), &written))
+		config_note(loader->report, here, "write it in decimal, without quotation marks: %ld",
+			    written);
 	else if (json_is_integer(json) && may_be_number(json_integer_value(json), digits, &number))
 		config_note(loader->report, here,
 			    "manuals print %s for %s %lld: write \"" MODBUS_KEY_REGISTER "\": \"%s\"", digits,

@@ -36,7 +36,7 @@ int rtuctl_counters(struct map *map, const struct rtuctl_request *request)
 		found = true;
 		list_module(map, i, module.name, &listing);
 	}
-	listing_end(&listing);
+	listing_end_found(&listing, found);
 	if (found)
 		return RTUCTL_DONE;
 	fprintf(stderr, "rtuctl: there is no module \"%s\": \"rtuctl modules\" lists all\n", wanted);

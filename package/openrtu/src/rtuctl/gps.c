@@ -198,7 +198,7 @@ int rtuctl_gps(struct map *map, const struct rtuctl_request *request)
 		chosen = &stats[i];
 		listing_add(&listing, receiver_row(&settings[i], &stats[i]));
 	}
-	listing_end(&listing);
+	listing_end_found(&listing, chosen != NULL);
 	if (chosen == NULL) {
 		fputs("rtuctl: there is no such receiver: \"gps\" in the configuration names them\n", stderr);
 		return RTUCTL_FAILED;

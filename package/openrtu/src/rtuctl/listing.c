@@ -128,7 +128,7 @@ static void print_table(struct listing *listing)
 	free(widths);
 }
 
-void listing_drop(struct listing *listing)
+static void drop(struct listing *listing)
 {
 	for (size_t i = 0; i < (listing->rows + 1) * listing->column_count; i++)
 		free(listing->cells[i]);
@@ -142,5 +142,13 @@ void listing_end(struct listing *listing)
 		return;
 	}
 	print_table(listing);
-	listing_drop(listing);
+	drop(listing);
+}
+
+void listing_end_found(struct listing *listing, bool found)
+{
+	if (found || listing->json)
+		listing_end(listing);
+	else
+		drop(listing);
 }

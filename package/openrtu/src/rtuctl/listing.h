@@ -35,8 +35,8 @@ void listing_begin(struct listing *listing, const struct listing_column *columns
 void listing_add(struct listing *listing, json_t *row);
 /* Prints the table, or ends the JSON array, and frees everything. */
 void listing_end(struct listing *listing);
-/* Prints no table, and frees everything. */
-void listing_drop(struct listing *listing);
+/* The same of rows that were asked for by name or pattern: a head without any says nothing. JSON has its end. */
+void listing_end_found(struct listing *listing, bool found);
 
 /* One line of JSON. Takes over the row. */
 void listing_print_json(json_t *row);

@@ -144,7 +144,7 @@ int rtuctl_logic(struct map *map, const struct rtuctl_request *request)
 			seen = add_cells(row, &program);
 		listing_add(&listing, row);
 	}
-	listing_end(&listing);
+	listing_end_found(&listing, found);
 	if (!found)
 		fputs("rtuctl: there is no such program: \"logic\" in the configuration names them\n",
 		      stderr);

@@ -29,15 +29,11 @@ bool rtuctl_matches(const struct map_config *config, uint32_t point, const char 
 	return fnmatch(pattern, name, 0) == 0;
 }
 
-/* A head without a table says nothing. */
 static int end_matching(struct listing *listing, const char *what, const char *pattern)
 {
 	bool found = listing->rows > 0 || pattern == NULL;
 
-	if (found || listing->json)
-		listing_end(listing);
-	else
-		listing_drop(listing);
+	listing_end_found(listing, found);
 	if (found)
 		return RTUCTL_DONE;
 	fprintf(stderr, "rtuctl: no %s matches \"%s\": \"rtuctl points\" lists them all\n", what, pattern);

@@ -312,6 +312,13 @@ static void test_counters_of_any_module(void **state)
 	assert_int_equal(RUN("counters", "rtud"), 0); /* it has none */
 	assert_int_equal(RUN("counters", "rtu-none"), 1);
 	assert_contains("rtuctl: there is no module \"rtu-none\"");
+	assert_null(strstr(output, "COUNTER"));
+	assert_int_equal(RUN("logic", "none"), 1);
+	assert_contains("rtuctl: there is no such program");
+	assert_null(strstr(output, "PERIOD"));
+	assert_int_equal(RUN("gps", "none"), 1);
+	assert_contains("rtuctl: there is no such receiver");
+	assert_null(strstr(output, "LATITUDE"));
 }
 
 static void test_clock(void **state)
