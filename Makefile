@@ -8,7 +8,7 @@ SHELL := bash
 MAKEFLAGS += --no-print-directory
 # Containers set it to stay small. Here each of some thousand starts of Python would compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
-.PHONY: help setup tools build centre centre-page wheels install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot image-offline source unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom cves legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-debug-kernel test-offline test-sanitizers test-native test-user test-changed test busy soak lab run run-native twin bench bench-polls bench-map clean netboot distclean
+.PHONY: help setup tools build centre centre-page wheels site install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot image-offline source unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom cves legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-debug-kernel test-offline test-sanitizers test-native test-user test-changed test busy soak lab run run-native twin bench bench-polls bench-map clean netboot distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -170,6 +170,20 @@ wheels: centre-page $(WHEELING) ## Build: openrtu-tools and the modules' library
 	$(LOGGED) wheels env SOURCE_DATE_EPOCH=$(DATED) $(PYTHON) -m pip wheel --disable-pip-version-check --no-build-isolation \
 	  --no-deps --wheel-dir $(WHEELS) . ./package/openrtu/python
 	rm -rf $(LEFT)
+
+# ---- the pages as a site -------------------------------------------------------------------------
+
+SITE_VENV := build/pages/venv
+
+site: $(SITE_VENV)/done ## Build: the pages as a site to search, also without network
+	scripts/site-source.py build/pages/source
+	$(LOGGED) site env NO_MKDOCS_2_WARNING=1 $(SITE_VENV)/bin/mkdocs build --strict
+
+# Of its own: what MkDocs needs and what the tools need do not bind each other.
+$(SITE_VENV)/done: requirements-site.txt | build/packages-site.done
+	@rm -rf $(@D) && /usr/bin/python3 -m venv $(@D)
+	$(LOGGED) site-python $(@D)/bin/pip install --disable-pip-version-check --requirement $<
+	@touch $@
 
 # ---- on a Linux machine --------------------------------------------------------------------------
 

@@ -36,12 +36,18 @@ ON_BOARD = (  # the gateway there
 NETBOOT = "test-netboot tests/twin/test_uboot.py test-linux test-bench"  # who boots over the debug UART
 TREE = "tests/test_tree.py"  # it reads every file
 PIP = "lint tests/test_pip_install.py tests/test_tools_mistakes.py"
+SITE = "tests/test_pages.py tests/centre/test_pages_site.py"
 ALL = f"{C} fuzzers test-sanitizers {' '.join(TARGETS.values())}"
 
 # What a change of a path can reach: targets, or files of tests. The first pattern that fits counts; what
 # fits none can reach all.
 REACH = [
     # pages: who reads them
+    ("mkdocs.yml", SITE),
+    ("requirements-site.txt", SITE),
+    ("scripts/packages-site.txt", SITE),
+    ("scripts/site-source.py", f"lint {SITE}"),
+    ("docs/site/*", SITE),
     ("docs/configuration.md", "tests/test_config.py"),
     ("docs/first-device.md", "tests/test_docs_commands.py"),
     (
@@ -78,7 +84,7 @@ REACH = [
     ("docs/conformance-61850.md", "tests/test_iec61850_conformance.py"),
     ("docs/logic.md", "tests/test_logic.py tests/test_docs_commands.py"),
     ("docs/blocks.md", "tests/test_logic_blocks.py"),
-    ("README.md", "tests/test_foreign.py"),
+    ("README.md", "tests/test_foreign.py tests/test_pages.py"),
     ("docs/writing-a-module.md", "tests/test_foreign.py"),
     ("docs/examples/modules/plant.py", "lint tests/test_plant.py"),
     ("docs/examples/modules/*", "lint tests/test_foreign*.py tests/test_show.py"),
@@ -86,7 +92,7 @@ REACH = [
     ("docs/examples/logic/*", "tests/test_logic*.py tests/test_plant.py tests/test_show.py"),
     ("docs/examples/*.dts", "tests/pins/test_picture.py tests/test_pip_install.py"),
     ("docs/examples/*.json", "tests/test_config.py tests/test_points.py tests/test_pip_install.py"),
-    ("*.md", TREE),
+    ("*.md", f"{TREE} tests/test_pages.py"),
     ("LICENSES/*", TREE),
     ("REUSE.toml", TREE),
     # the software on the target
@@ -282,7 +288,7 @@ def parts(paths: Iterable[str]) -> dict[str, dict[str, list[str]]]:
     """
     chosen: dict[str, dict[str, list[str]]] = {target: {} for target in ALL.split()}
     for path in paths:
-        for word in reach(path):
+        for word in sorted(reach(path)):
             target, only = (word, "") if word in chosen else (TARGETS[area_of(word)], word)
             chosen[target].setdefault(only, []).append(path)
     whole = {target: {"": reasons[""]} for target, reasons in chosen.items() if "" in reasons}

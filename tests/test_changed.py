@@ -168,7 +168,7 @@ def test_all_parts_run_and_the_failed_are_named(tree: Path, capfd: pytest.Captur
     assert "failed: test-pins" in captured.err
     assert ran(tree) == [
         "lint",
-        f"test-gateway {TREE} tests/test_docs_commands.py",
+        f"test-gateway tests/test_pages.py {TREE} tests/test_docs_commands.py",
         "test-pins",
         "test-netboot",
         "test-twin",
