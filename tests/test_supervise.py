@@ -234,6 +234,12 @@ def test_a_port_that_is_denied_names_its_group(gateway: Gateway, group: grp.stru
         assert denied(gateway, path, ACCOUNT).endswith(advice)
 
 
+@pytest.mark.skipif(os.geteuid() != 0, reason="a port is given to a group by root")
+def test_nobody_is_told_to_join_the_group_of_root(gateway: Gateway) -> None:
+    with serial_port(0, 0o660) as path:
+        assert denied(gateway, path, ACCOUNT).endswith(f": its group is root: sudo chgrp dialout {path}")
+
+
 @pytest.mark.skipif(os.geteuid() != 0, reason="rtud gives its modules users of their own only as root")
 def test_a_port_that_modules_of_root_may_not_open_is_given_to_their_group(gateway: Gateway) -> None:
     with serial_port(GROUPS[0].gr_gid, 0o660) as path:

@@ -92,7 +92,7 @@ void serial_explain(const char *path, char hint[SERIAL_HINT_SIZE])
 	if ((status.st_mode & GROUP_MODE) != GROUP_MODE)
 		snprintf(hint, SERIAL_HINT_SIZE, "its group, %s, may not read and write it (mode %04o)", name,
 			 status.st_mode & 07777u);
-	else if (has_user_of_its_own())
+	else if (status.st_gid == 0 || has_user_of_its_own()) /* nobody shall join root's */
 		snprintf(hint, SERIAL_HINT_SIZE, "its group is %s: sudo chgrp " MODULES_GROUP " %.63s", name,
 			 path);
 	else
