@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from lab.patience import stretch
 from netboot.double import FACTORY_ENVIRONMENT, faults
 from netboot.scenario import ENVIRONMENT, Bench, Scenario, play, table
 from nuc980.netboot import errors
@@ -100,7 +101,7 @@ LOOKED = [
     Scenario(
         "bootdelay=0",
         PROBE,
-        board={"environment": FACTORY_ENVIRONMENT | {"bootdelay": "0"}, "start_seconds": 0.4},
+        board={"environment": FACTORY_ENVIRONMENT | {"bootdelay": "0"}, "start_seconds": 0.4 * stretch()},
         says=("hardly a chance",),
     ),
     Scenario("without the flash", (*PROBE, "--no-flash"), says=("not asked",)),
