@@ -209,7 +209,10 @@ REACH = [
     # the tests; a file of tests reaches itself
     ("tests/linesim/*", f"lint {DESK} {ON_BOARD}"),
     ("tests/peers/centre_consumer.py", "tests/test_centre.py tests/test_position_object.py"),
-    ("tests/peers/outstation.py", "tests/test_outstations*.py tests/test_centre.py"),
+    (
+        "tests/peers/outstation.py",
+        "tests/test_outstations*.py tests/test_centre.py tests/test_iec61850_buffered.py",
+    ),
     ("tests/peers/goose*.py", "tests/test_goose*.py"),
     ("tests/peers/ddi.py", "tests/image/test_pull.py tests/linux/test_update_board.py"),
     ("tests/peers/mms.py", f"{DESK} tests/linux/test_network.py tests/linux/test_buffered_cuts.py"),

@@ -24,7 +24,7 @@ HERE = "see the message"
 
 
 def kinds(base: type[NetbootError] = NetbootError) -> Iterator[type[NetbootError]]:
-    """What a user may meet: all that modules of the tool define; a worker may have imported others' before."""
+    """What a user may meet of the tool; a worker may have imported the errors of others before."""
     for module in pkgutil.walk_packages(nuc980.netboot.__path__, "nuc980.netboot."):
         if not module.name.endswith("__main__"):
             importlib.import_module(module.name)
