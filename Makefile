@@ -211,8 +211,20 @@ man: $(INSTALLED)/build.ninja $(BOARDS) $(CENTRE) ## Build: the man pages, of th
 	$(SRC)/man/page.py scripts/nuc980-netboot 1 'boot and flash a NUC980 board' $(MAN)/nuc980-netboot.1
 	$(SRC)/man/page.py scripts/openrtu 1 "OpenRTU's tools for engineers" $(MAN)/openrtu.1
 
-deb: $(PACKAGES) build/packages-man.done build/packages-deb.done ## Build: the gateway as a Debian package, in build/deb
-	scripts/build-deb.sh build/deb
+# as "amd64 arm64 armhf"; without it, this machine's
+DEB_ARCHS :=
+
+# What the tools import and Debian 12 does not have, or in a version that is too old.
+VENDORED := build/deb-vendored
+
+$(VENDORED)/done: requirements.txt $(VENV)
+	@rm -rf $(@D)
+	$(LOGGED) $(notdir $(@D)) $(PYTHON) -m pip install --disable-pip-version-check --no-deps --no-compile --target $(@D) \
+	  --constraint $< paho-mqtt pyfdt tftpy
+	@touch $@
+
+deb: $(PACKAGES) build/packages-man.done build/packages-deb.done wheels $(VENDORED)/done ## Build: the Debian packages, in build/deb (DEB_ARCHS="amd64 arm64 armhf")
+	scripts/build-deb.sh build/deb $(DEB_ARCHS)
 
 # ---- device tree ---------------------------------------------------------------------------------
 

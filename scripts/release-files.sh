@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-3.0-or-later
 # release-files.sh OUT BUILD: what a release publishes, from a folder as `build` is, into the new folder OUT: images, manifests
-# and bills of materials of Buildroot's, the Debian package, and SHA256SUMS over all of it.
+# and bills of materials of Buildroot's, the Debian packages, and SHA256SUMS over all of it.
 #
 # With RELEASE_KEY in the environment, an OpenSSH private key, SHA256SUMS gets a signature: SHA256SUMS.sig. Anybody checks it
 # with `ssh-keygen -Y verify` (docs/image-buildroot.md).
@@ -33,7 +33,7 @@ for image in "$build"/nuc980_*; do
 		[[ ! -f $file ]] || take "$file" "$name"
 	done
 done
-for deb in "$build"/deb/openrtu_*.deb; do
+for deb in "$build"/deb/*.deb; do
 	cp "$deb" "$out"
 done
 [[ -n $(ls "$out") ]] || fail "$build has neither an image nor a package"

@@ -85,7 +85,7 @@ REACH = [
     ("docs/logic.md", "tests/test_logic.py tests/test_docs_commands.py"),
     ("docs/blocks.md", "tests/test_logic_blocks.py"),
     ("README.md", "tests/test_foreign.py tests/test_pages.py"),
-    ("docs/writing-a-module.md", "tests/test_foreign.py"),
+    ("docs/writing-a-module.md", "tests/test_foreign.py tests/test_debian_packages.py"),
     ("docs/examples/modules/plant.py", "lint tests/test_plant.py"),
     ("docs/examples/modules/*", "lint tests/test_foreign*.py tests/test_show.py"),
     ("docs/synch.md", "tests/test_synch.py"),
@@ -124,6 +124,7 @@ REACH = [
         "package/openrtu/python/*",
         "lint tests/test_foreign*.py tests/test_version.py tests/centre/test_centre_higher.py",
     ),
+    ("package/openrtu/debian/*", "tests/test_debian_packages.py"),
     ("package/openrtu/openrtu.mk", f"test-image tests/test_version.py {ON_BOARD}"),
     ("package/openrtu/*", f"test-image {ON_BOARD}"),
     # the control centre
@@ -181,7 +182,9 @@ REACH = [
     ("scripts/build-uboot.sh", BOARDS),
     ("scripts/patched-source.sh", BOARDS),
     ("scripts/debian-source.sh", f"test-image {BOARDS}"),
-    ("scripts/build-deb.sh", "tests/test_installation.py"),
+    ("scripts/build-deb.sh", "tests/test_debian_packages.py"),
+    ("scripts/build-root.sh", "tests/test_debian_packages.py"),
+    ("scripts/private-root.sh", "tests/test_debian_packages.py"),
     ("scripts/build-*.sh", "test-linux"),
     ("scripts/debian-package.sh", "test-linux test-bench"),
     ("scripts/no-buildroot.sh", "test-image"),
@@ -190,7 +193,7 @@ REACH = [
     (
         "scripts/release/version.py",
         f"test-image tests/test_version.py tests/test_installation.py tests/test_foreign.py {ON_BOARD}"
-        " tests/linux/test_update_versions.py",
+        " tests/linux/test_update_versions.py tests/test_debian_packages.py",
     ),
     ("scripts/release-files.sh", "test-image"),
     ("scripts/setup-sysroot.sh", "cross test-linux"),

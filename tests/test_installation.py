@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The gateway on a Linux machine: `make install`, the Debian package, the unit of systemd, man pages."""
+"""The gateway on a Linux machine: `make install`, the unit of systemd, man pages."""
 
 import os
 import re
@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 
-from release.version import debian
 from test_version import VERSION
 
 pytestmark = pytest.mark.slow
@@ -45,10 +44,6 @@ EXPOSURE = 40  # of 100 at most, as systemd-analyze sees the unit: 37 with the c
 
 # What is looked at is what lands where. The compiler's time is for the builds that run.
 QUICK = {"CFLAGS": "-O0 -g0"}
-QUICK_PACKAGE = {  # Debian's hardening needs -O1
-    "DEB_CFLAGS_APPEND": "-O1 -g0",
-    "DEB_BUILD_OPTIONS": "noautodbgsym",
-}
 
 
 def run(*words: str | Path, code: int = 0, settings: Mapping[str, str] | None = None) -> str:
@@ -162,54 +157,3 @@ def test_man_pages_hold_what_help_says(programs: Path) -> None:
     assert re.findall(r"^   (logic test|centre file user|snmp-keys)$", tools, re.MULTILINE) == [
         "logic test", "snmp-keys", "centre file user",
     ]  # fmt: skip
-
-
-# ---- the Debian package ----------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("deb")
-    run("scripts/build-deb.sh", folder, settings=QUICK_PACKAGE)
-    (package,) = folder.glob("openrtu_*.deb")
-    return package
-
-
-@pytest.fixture
-def root(tmp_path: Path) -> Path:
-    """A root of its own for dpkg, with its database."""
-    for folder in ("etc", "var/lib/dpkg/info", "var/lib/dpkg/updates", "var/lib/dpkg/triggers"):
-        (tmp_path / folder).mkdir(parents=True)
-    (tmp_path / "var/lib/dpkg/status").touch()
-    return tmp_path
-
-
-def dpkg(root: Path, *words: str | Path) -> None:
-    """Scripts of the package run outside, and are told of the root. What it depends on is this machine's."""
-    run("dpkg", f"--root={root}", "--force-script-chrootless", "--force-depends", *words)
-
-
-def test_package_is_what_debian_asks_for(package: Path) -> None:
-    fields = run("dpkg-deb", "--field", package)
-    assert f"Version: {debian(VERSION)}\n" in fields
-    for library in ("libc6", "libjansson4", "libseccomp2", "libssl3"):
-        assert library in fields
-    assert not re.search(r"^[EW]:", (package.parent / "lintian.log").read_text(), re.MULTILINE)
-
-
-def test_package_is_installed_used_and_removed(package: Path, root: Path) -> None:
-    before = {"etc/.pwd.lock", "etc/group", "etc/gshadow", "etc/passwd", "etc/shadow"}
-    dpkg(root, "--install", package)
-    assert "openrtu-1:x:61201:61200:" in (root / "etc/passwd").read_text()
-    config = root / "etc/openrtu/gateway.json"
-    assert run(root / "usr/sbin/rtud", "--check", config) == f"{config}: good: lines 0, devices 0, points 0\n"
-    assert run(root / "usr/bin/rtuctl", "--version") == f"rtuctl (OpenRTU) {VERSION}\n"
-    check_unit(root / "lib/systemd/system/rtud.service", root / "usr/sbin/rtud", root)
-
-    config.write_text("mine")
-    dpkg(root, "--install", package)
-    assert config.read_text() == "mine"
-    dpkg(root, "--remove", "openrtu")
-    assert config.read_text() == "mine"
-    dpkg(root, "--purge", "openrtu")
-    assert {name for name in files_of(root) if not name.startswith(("var/", "rtud.service"))} == before

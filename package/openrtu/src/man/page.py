@@ -35,11 +35,17 @@ OWN_COMMANDS = re.compile(r"^  COMMAND\n(?: {4}.*\n)+", re.MULTILINE)
 
 WIDTH = 78  # of argparse's help
 UNFOLDED = 200
+# What runs a program of another architecture, as qemu-aarch64 does.
+WRAPPER = os.environ.get("OPENRTU_EXE_WRAPPER", "").split()
 
 
 def output_of(*words: str | Path, width: int = WIDTH) -> str:
     environment = os.environ | {"COLUMNS": str(width), "LC_ALL": "C"}
     return subprocess.run(words, check=True, capture_output=True, text=True, env=environment).stdout
+
+
+def said_by(program: Path, *words: str, width: int = WIDTH) -> str:
+    return output_of(*WRAPPER, program, *words, width=width)
 
 
 def literal(text: str) -> str:
@@ -52,7 +58,7 @@ def commands_of(program: Path, names: list[str], *before: str) -> str:
     """Of each command its help; behind it that of its own commands. Before: the words up to the name."""
     section = ""
     for name in names:
-        usage, _, rest = output_of(program, *before, name, "--help").partition("\n\n")
+        usage, _, rest = said_by(program, *before, name, "--help").partition("\n\n")
         usage = " ".join(usage.split())
         path = " ".join([*before, name])
         synopsis = re.sub(rf"^.*? (?={path}\b)", "", usage).replace("-", r"\-")
@@ -68,7 +74,7 @@ def commands_of(program: Path, names: list[str], *before: str) -> str:
 def stand_in(folder: Path, program: Path, text: str) -> Path:
     """A program that says the help as help2man reads it: its first word is "Usage"."""
     (folder / "help").write_text(re.sub(r"^usage: ", "Usage: ", text))
-    (folder / "version").write_text(output_of(program, "--version"))
+    (folder / "version").write_text(said_by(program, "--version"))
     script = folder / program.name
     script.write_text(f'#!/bin/sh\ncat "{folder}/${{1#--}}"\n')
     script.chmod(0o755)
@@ -76,7 +82,7 @@ def stand_in(folder: Path, program: Path, text: str) -> Path:
 
 
 def write_page(program: Path, section: str, purpose: str, out: Path) -> None:
-    text, _, examples = output_of(program, "--help", width=UNFOLDED).partition("\nexamples:\n")
+    text, _, examples = said_by(program, "--help", width=UNFOLDED).partition("\nexamples:\n")
     commands = commands_of(program, COMMAND.findall(text))
     more = f"[COMMANDS]\n{commands}\n" if commands else ""
     if examples:

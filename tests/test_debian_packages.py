@@ -1,0 +1,304 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The Debian packages: what `make deb` makes, and installed in a minimal Debian."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+import debian_root
+import packaged
+from debian_root import NEEDS_ROOT, DebianRoot
+from lab.gateway import free_port
+from lab.patience import Deadline
+from packaged import built, file_of
+from release.version import debian
+from test_installation import check_unit, files_of, run
+from test_version import VERSION
+
+pytestmark = pytest.mark.slow
+
+ROOT = Path(__file__).resolve().parent.parent
+DEBIAN_VERSION = debian(VERSION)
+OLDER = "1.0.0~"  # before it the centre was in the gateway's package: Breaks
+MACHINE = subprocess.run(
+    ["dpkg", "--print-architecture"], capture_output=True, text=True, check=True
+).stdout.strip()
+ARCHITECTURES = {
+    "openrtu": MACHINE,
+    "libopenrtu0": MACHINE,
+    "libopenrtu-dev": MACHINE,
+    "openrtu-centre": MACHINE,
+    "openrtu-tools": "all",
+    "python3-openrtu": "all",
+}
+PATIENCE_S = 60.0
+
+
+@pytest.fixture(scope="module")
+def packages() -> Path:
+    return packaged.packages()
+
+
+def field(package: Path, name: str) -> str:
+    return run("dpkg-deb", "--field", package, name).strip()
+
+
+# ---- as they are made ------------------------------------------------------------------------------
+
+
+def test_they_are_what_debian_asks_for(packages: Path) -> None:
+    made = {field(file, "Package"): field(file, "Architecture") for file in packages.glob("*.deb")}
+    assert made == ARCHITECTURES
+    assert {field(file, "Version") for file in packages.glob("*.deb")} == {DEBIAN_VERSION}
+    for library in ("libc6", "libjansson4", "libseccomp2", "libssl3"):
+        assert library in field(file_of(packages, "openrtu"), "Depends")
+    assert (packages / "lintian.log").read_text() == ""
+
+
+def test_same_source_gives_the_same_bytes(packages: Path, tmp_path: Path) -> None:
+    """In whatever folder, and at another time of another user's mask."""
+    folder = tmp_path / "a folder, größer"
+    before = os.umask(0o077)
+    try:
+        built(folder)
+    finally:
+        os.umask(before)
+    names = sorted(file.name for file in packages.glob("*.deb"))
+    assert sorted(file.name for file in folder.glob("*.deb")) == names
+    assert [name for name in names if (folder / name).read_bytes() != (packages / name).read_bytes()] == []
+
+
+def test_symbols_of_the_library_have_the_nodes_of_its_map() -> None:
+    nodes = re.findall(r"^(OPENRTU_\d+) \{", (ROOT / "package/openrtu/src/lib/openrtu.map").read_text(), re.M)
+    symbols = (ROOT / "package/openrtu/debian/libopenrtu0.symbols").read_text()
+    assert re.findall(r"^ \(symver\)(\w+) ", symbols, re.M) == nodes
+
+
+def test_program_is_built_on_the_library_alone(packages: Path, tmp_path: Path) -> None:
+    for name in ("libopenrtu0", "libopenrtu-dev"):
+        run("dpkg-deb", "--extract", file_of(packages, name), tmp_path)
+    (folder,) = tmp_path.glob("usr/lib/*/pkgconfig")
+    settings = {"PKG_CONFIG_LIBDIR": str(folder), "PKG_CONFIG_SYSROOT_DIR": str(tmp_path)}
+    flags = run("pkg-config", "--cflags", "--libs", "openrtu", settings=settings).split()
+    example = tmp_path / "usr/share/doc/libopenrtu-dev/examples/filter.c"
+    run("cc", "-o", tmp_path / "filter", example, *flags)
+    assert "libopenrtu.so.0" in run("readelf", "--dynamic", tmp_path / "filter")
+
+
+@pytest.mark.parametrize(("architecture", "qemu"), [("arm64", "qemu-aarch64"), ("armhf", "qemu-arm")])
+def test_programs_of_another_architecture_run(architecture: str, qemu: str, tmp_path: Path) -> None:
+    """All of them, on the libraries that they were linked with."""
+    made = [*(ROOT / "build/deb").glob(f"*_{architecture}.deb")]
+    if not made:
+        pytest.skip(
+            f"there are no packages of it: make deb DEB_ARCHS={architecture} takes a quarter of an hour"
+        )
+    for package in made:
+        run("dpkg-deb", "--extract", package, tmp_path)
+    folders = [tmp_path / "usr" / name for name in ("bin", "sbin", "libexec/openrtu")]
+    programs = {path.name: path for folder in folders for path in folder.glob("rtu*")}
+    assert {"rtud", "rtuctl", "rtu-centre", "rtu-modbus"} <= set(programs)
+    for name, program in programs.items():
+        said = run(qemu, "-L", ROOT / "build/deb-roots" / architecture, program, "--version")
+        assert said == f"{name} (OpenRTU) {VERSION}\n"
+    assert (tmp_path / "usr/share/man/man8/rtud.8.gz").exists()
+
+
+# ---- the gateway's package in a folder: without root and network -----------------------------------
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    """A root of its own for dpkg, with its database."""
+    for folder in ("etc", "var/lib/dpkg/info", "var/lib/dpkg/updates", "var/lib/dpkg/triggers"):
+        (tmp_path / folder).mkdir(parents=True)
+    (tmp_path / "var/lib/dpkg/status").touch()
+    return tmp_path
+
+
+def dpkg(root: Path, *words: str | Path) -> None:
+    """Scripts of the package run outside, and are told of the root. What it depends on is this machine's."""
+    run("dpkg", f"--root={root}", "--force-script-chrootless", "--force-depends", *words)
+
+
+def test_gateway_is_installed_used_and_removed(packages: Path, root: Path) -> None:
+    package = file_of(packages, "openrtu")
+    before = {"etc/.pwd.lock", "etc/group", "etc/gshadow", "etc/passwd", "etc/shadow"}
+    dpkg(root, "--install", package)
+    assert "openrtu-1:x:61201:61200:" in (root / "etc/passwd").read_text()
+    config = root / "etc/openrtu/gateway.json"
+    assert run(root / "usr/sbin/rtud", "--check", config) == f"{config}: good: lines 0, devices 0, points 0\n"
+    assert run(root / "usr/bin/rtuctl", "--version") == f"rtuctl (OpenRTU) {VERSION}\n"
+    check_unit(root / "lib/systemd/system/rtud.service", root / "usr/sbin/rtud", root)
+
+    config.write_text("mine")
+    dpkg(root, "--install", package)
+    assert config.read_text() == "mine"
+    dpkg(root, "--remove", "openrtu")
+    assert config.read_text() == "mine"
+    dpkg(root, "--purge", "openrtu")
+    assert {name for name in files_of(root) if not name.startswith(("var/", "rtud.service"))} == before
+
+
+# ---- installed -------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def older(packages: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same as a former version."""
+    folder = tmp_path_factory.mktemp("older")
+    for package in packages.glob("*.deb"):
+        contents = folder / package.stem
+        run("dpkg-deb", "--raw-extract", package, contents)
+        control = contents / "DEBIAN/control"
+        control.write_text(control.read_text().replace(f"{DEBIAN_VERSION}", OLDER))
+        run("dpkg-deb", "--build", "--root-owner-group", contents, folder / package.name)
+        shutil.rmtree(contents)
+    return folder
+
+
+@pytest.fixture
+def bare(packages: Path, tmp_path: Path) -> DebianRoot:
+    debian = DebianRoot(debian_root.unpacked(tmp_path / "root"))
+    debian.apt("update")
+    return debian
+
+
+@pytest.fixture
+def debian(bare: DebianRoot, packages: Path) -> DebianRoot:
+    """What the packages need of Debian is there already, so that what is new is theirs."""
+    needs = [field(file, "Depends").split(", ") for file in packages.glob("*.deb")]
+    others = sorted({need for row in needs for need in row if need.split()[0] not in ARCHITECTURES})
+    bare.apt("satisfy", *others)
+    return bare
+
+
+def install(debian: DebianRoot, folder: Path, *names: str) -> None:
+    """With what they need."""
+    there = debian.folder / "srv"
+    shutil.copytree(folder, there, dirs_exist_ok=True)
+    debian.apt("install", *(f"/srv/{file_of(folder, name).name}" for name in names))
+
+
+def versions(debian: DebianRoot) -> set[str]:
+    shown = debian.run("dpkg-query", "--show", "--showformat=${Package} ${Version}\\n", *ARCHITECTURES)
+    return set(shown.splitlines())
+
+
+def users_of(debian: DebianRoot) -> set[str]:
+    return {line.partition(":")[0] for line in (debian.folder / "etc/passwd").read_text().splitlines()}
+
+
+def check_services(debian: DebianRoot) -> None:
+    """systemd finds no fault where they lie, misses no program, and starts them with the machine."""
+    for name in ("rtud", "openrtu-centre", "openrtu-centre-collector"):
+        unit = f"/lib/systemd/system/{name}.service"
+        assert debian.run("systemd-analyze", "verify", "--man=no", unit) == ""
+        enabled = debian.folder / f"etc/systemd/system/multi-user.target.wants/{name}.service"
+        assert str(enabled.readlink()) == unit
+
+
+@NEEDS_ROOT
+def test_installed_upgraded_removed_and_purged(debian: DebianRoot, packages: Path, older: Path) -> None:
+    before = debian.files()
+    install(debian, older, *ARCHITECTURES)
+    assert versions(debian) == {f"{name} {OLDER}" for name in ARCHITECTURES}
+    assert {"openrtu-1", "openrtu-32", "openrtu-centre"} <= users_of(debian)
+    config = debian.folder / "etc/openrtu/gateway.json"
+    assert "good" in debian.run("rtud", "--check", "/etc/openrtu/gateway.json")
+    config.write_text(config.read_text() + "\n\n")
+    mine = config.read_text()
+
+    install(debian, packages, *ARCHITECTURES)
+    assert versions(debian) == {f"{name} {DEBIAN_VERSION}" for name in ARCHITECTURES}
+    assert config.read_text() == mine
+    assert debian.run("dpkg", "--audit") == ""
+    assert debian.run("rtuctl", "--version") == f"rtuctl (OpenRTU) {VERSION}\n"
+    check_services(debian)
+
+    kept = [debian.folder / "var/lib" / name for name in ("openrtu/journal/0", "openrtu-centre/centre.db")]
+    for file in kept:
+        file.parent.mkdir(parents=True)
+        file.touch()
+    debian.apt("remove", *ARCHITECTURES)
+    assert config.read_text() == mine and all(file.exists() for file in kept)
+    debian.apt("purge", "openrtu", "openrtu-centre")  # apt knows nothing any more of the others
+    # Debian keeps the users that a package has made: what is somebody's stays somebody's.
+    users = {
+        f"etc/{name}{backup}" for name in ("passwd", "group", "shadow", "gshadow") for backup in ("", "-")
+    }
+    assert debian.files() - users == before - users
+    assert {"openrtu-1", "openrtu-centre"} <= users_of(debian)
+
+
+TANK = """#!/usr/bin/env python3
+from openrtu import Module
+
+with Module() as module:
+    for _ in module.scans():
+        module["tank.level"] = 60
+"""
+
+
+def ten_lines() -> str:
+    """The module and its entry, as the page has them."""
+    page = (ROOT / "docs/writing-a-module.md").read_text()
+    entry = re.search(r'^```json\n("modules": \[.*?^\])\n```', page, re.M | re.S)
+    assert entry is not None
+    return entry[1]
+
+
+@NEEDS_ROOT
+def test_module_in_ten_lines_runs_on_the_packages_alone(bare: DebianRoot, packages: Path) -> None:
+    debian = bare
+    install(debian, packages, "openrtu", "libopenrtu0", "python3-openrtu")
+    programs = debian.folder / "usr/local/lib/openrtu"
+    programs.mkdir(parents=True)
+    debian.run("cp", "/usr/share/doc/python3-openrtu/examples/pump.py", "/usr/local/lib/openrtu")
+    (programs / "tank.py").write_text(TANK)
+    for program in programs.iterdir():
+        program.chmod(0o755)
+    config = json.loads(f"{{{ten_lines()}}}") | {
+        "iec104": {"address": "127.0.0.1", "port": free_port()},
+        "port": [],
+    }
+    tank = {
+        "name": "tank", "program": "/usr/local/lib/openrtu/tank.py", "period_ms": 500, "ca": 909,
+        "points": [{"name": "tank.level", "type": "float", "ioa": 1}],
+    }  # fmt: skip
+    config["modules"].append(tank)
+    (debian.folder / "etc/openrtu/gateway.json").write_text(json.dumps(config))
+    with debian.running("rtud", "/etc/openrtu/gateway.json") as rtud:
+        deadline = Deadline(PATIENCE_S)
+        pump: list[dict[str, object]] = []
+        while not (pump and pump[0]["value"] and pump[0]["quality"] == "good"):
+            said = (debian.folder / "running.log").read_text()
+            assert rtud.poll() is None and deadline.left > 0, (said, pump)
+            done = subprocess.run(
+                debian.command("rtuctl", "--json", "points", "pump"), capture_output=True, check=False
+            )
+            pump = json.loads(done.stdout) if done.returncode == 0 else []
+            time.sleep(0.2)
+
+
+@NEEDS_ROOT
+def test_tools_need_no_more_than_their_package_says(bare: DebianRoot, packages: Path) -> None:
+    install(bare, packages, "openrtu-tools")
+    bare.apt("install", "device-tree-compiler", "cpp")
+    for name in ("openrtu", "nuc980-pins", "nuc980-netboot"):
+        assert bare.run(name, "--version") == f"{name} (OpenRTU) {VERSION}\n"
+        assert bare.run(name, "--help").startswith("usage: ")
+    shutil.copytree(ROOT / "dts/nuvoton", bare.folder / "srv/dts")
+    tree = "/srv/dts/nuc980-gateway.dts"
+    assert bare.run("nuc980-pins", "check", tree) == f"{tree}: no findings\n"
+    (bare.folder / "srv/half.st").write_text(
+        "PROGRAM half\nVAR x : REAL; END_VAR\nx := x / 2.0;\nEND_PROGRAM\n"
+    )
+    bare.run("openrtu", "logic", "compile", "/srv/half.st")
+    assert "apt install python3-aiohttp" in bare.run("openrtu", "centre", "/srv/centre.json", "serve", code=2)
