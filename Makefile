@@ -8,7 +8,7 @@ SHELL := bash
 MAKEFLAGS += --no-print-directory
 # Containers set it to stay small. Here each of some thousand starts of Python would compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
-.PHONY: help setup tools build centre centre-page wheels site install man deb dtb qemu uboot linux linux-debug image-debian update image-buildroot image-offline source unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom cves legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-debug-kernel test-offline test-sanitizers test-native test-user test-changed test busy soak lab run run-native twin bench bench-polls bench-map clean netboot distclean
+.PHONY: help setup tools build centre centre-page wheels site install man deb containers dtb qemu uboot linux linux-debug image-debian update image-buildroot image-offline source unit asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom cves legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-debug-kernel test-offline test-sanitizers test-native test-user test-changed test busy soak lab run run-native twin bench bench-polls bench-map clean netboot distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -225,6 +225,10 @@ $(VENDORED)/done: requirements.txt $(VENV)
 
 deb: $(PACKAGES) build/packages-man.done build/packages-deb.done wheels $(VENDORED)/done ## Build: the Debian packages, in build/deb (DEB_ARCHS="amd64 arm64 armhf")
 	scripts/build-deb.sh build/deb $(DEB_ARCHS)
+
+containers: deb build/linesim/build.ninja ## Build: images for containers and a compose.yaml, in build/containers
+	$(LOGGED) linesim ninja -C build/linesim
+	$(LOGGED) containers scripts/build-containers.sh build/containers build/deb
 
 # ---- device tree ---------------------------------------------------------------------------------
 
@@ -545,7 +549,7 @@ PROGRAMS    = tests/linux/programs
 C_FILES     = $(shell find $(SRC) $(LINESIM) $(BENCH) $(PROBES) $(PAYLOAD) $(PROGRAMS) -name '*.[ch]')
 # Once more with the modules built under AddressSanitizer and UBSan.
 UNDER_SANITIZERS = tests/test_gateway.py tests/test_lines.py tests/test_event_journal.py $(wildcard tests/test_station_*.py)
-SHELL_FILES = .ci/run scripts/openrtu scripts/nuc980-pins scripts/nuc980-netboot scripts/kept tests/as-user.sh $(wildcard scripts/*.sh scripts/image/*.sh $(PROGRAMS)/*.sh board/*/*.sh package/*/S[0-9]* \
+SHELL_FILES = .ci/run scripts/openrtu scripts/nuc980-pins scripts/nuc980-netboot scripts/kept tests/as-user.sh package/openrtu/container/*-* $(wildcard scripts/*.sh scripts/image/*.sh $(PROGRAMS)/*.sh board/*/*.sh package/*/S[0-9]* \
   board/*/*/etc/init.d/* board/*/*/usr/sbin/*) board/nuc980/skeleton/init board/nuc980/skeleton/usr/share/udhcpc/default.script
 
 lint: $(LINTED) ## Test: check the sources: ruff, clang-format, cppcheck, shellcheck

@@ -125,6 +125,7 @@ REACH = [
         "lint tests/test_foreign*.py tests/test_version.py tests/centre/test_centre_higher.py",
     ),
     ("package/openrtu/debian/*", "tests/test_debian_packages.py"),
+    ("package/openrtu/container/*", "lint tests/test_containers.py tests/centre/test_compose.py"),
     ("package/openrtu/openrtu.mk", f"test-image tests/test_version.py {ON_BOARD}"),
     ("package/openrtu/*", f"test-image {ON_BOARD}"),
     # the control centre
@@ -184,7 +185,9 @@ REACH = [
     ("scripts/debian-source.sh", f"test-image {BOARDS}"),
     ("scripts/build-deb.sh", "tests/test_debian_packages.py"),
     ("scripts/build-root.sh", "tests/test_debian_packages.py"),
-    ("scripts/private-root.sh", "tests/test_debian_packages.py"),
+    ("scripts/private-root.sh", "tests/test_debian_packages.py tests/test_containers.py"),
+    ("scripts/build-containers.sh", "tests/test_containers.py tests/centre/test_compose.py"),
+    ("scripts/oci-archive.py", "lint tests/test_containers.py tests/centre/test_compose.py"),
     ("scripts/build-*.sh", "test-linux"),
     ("scripts/debian-package.sh", "test-linux test-bench"),
     ("scripts/no-buildroot.sh", "test-image"),

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Images for containers: as another program reads them, and the gateway's without an engine."""
+
+import json
+import os
+import subprocess
+import sys
+import tarfile
+from pathlib import Path
+
+import pytest
+
+import containers
+from containers import ROOT, Container
+
+pytestmark = pytest.mark.slow
+NEEDS_ROOT = pytest.mark.skipif(
+    os.geteuid() != 0, reason="only root enters another root, as a container does"
+)
+GATEWAY = containers.compose()["services"]["gateway"]
+FILES = {containers.MADE / f"show/{name}": f"/etc/openrtu/{name}" for name in ("gateway.json", "values.json")}
+UID_BASE = 61200
+
+
+def inspected(archive: Path, *words: str) -> dict[str, object]:
+    done = subprocess.run(
+        ["skopeo", "inspect", *words, f"oci-archive:{archive}"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    answer: dict[str, object] = json.loads(done.stdout)
+    return answer
+
+
+def archive_of(folder: Path, name: str, *, modified: int) -> Path:
+    """An archive of a root with one file."""
+    (folder / "file").write_text("content")
+    root = folder / "root.tar"
+    with tarfile.open(root, "w") as tar:
+        entry = tar.gettarinfo(folder / "file", "etc/file")
+        entry.mtime = 0
+        with (folder / "file").open("rb") as content:
+            tar.addfile(entry, content)
+    os.utime(root, (modified, modified))
+    out = folder / name
+    subprocess.run(
+        [sys.executable, ROOT / "scripts/oci-archive.py", root, out, "--name", "openrtu-x:1.0",
+         "--architecture", "arm64", "--created", "86400", "--port", "2404", "--user", "somebody",
+         "--", "start", "--now"], check=True,
+    )  # fmt: skip
+    return out
+
+
+def test_archive_is_read_by_others(tmp_path: Path) -> None:
+    archive = archive_of(tmp_path, "image.tar", modified=1)
+    found = inspected(archive)
+    assert (found["Architecture"], found["Os"], found["Created"]) == (
+        "arm64",
+        "linux",
+        "1970-01-02T00:00:00Z",
+    )
+    config = inspected(archive, "--config")["config"]
+    assert isinstance(config, dict)
+    assert (config["Entrypoint"], config["User"]) == (["start", "--now"], "somebody")
+    assert config["ExposedPorts"] == {"2404/tcp": {}}
+    copied = tmp_path / "copied"
+    subprocess.run(["skopeo", "copy", "--quiet", f"oci-archive:{archive}", f"dir:{copied}"], check=True)
+    (layer,) = [blob for blob in copied.iterdir() if tarfile.is_tarfile(blob)]
+    with tarfile.open(layer) as tar:
+        assert tar.getnames() == ["etc/file"]
+
+
+def test_same_root_gives_the_same_archive(tmp_path: Path) -> None:
+    one, other = (archive_of(tmp_path, f"{number}.tar", modified=number) for number in (1, 2))
+    assert one.read_bytes() == other.read_bytes()
+
+
+@NEEDS_ROOT
+def test_gateway_runs_with_the_capabilities_that_are_named(tmp_path: Path) -> None:
+    """linesim's devices are polled, each module is a user of its own and has no capability."""
+    gateway = Container(containers.image("show"), tmp_path / "root", GATEWAY["cap_add"], FILES)
+    with gateway.running():
+        gateway.until(
+            lambda: gateway.execute(*GATEWAY["healthcheck"]["test"][1:]).returncode == 0, "it is well"
+        )
+        gateway.until(lambda: "good" in points(gateway), "a point is good")
+        modules = json.loads(gateway.execute("rtuctl", "--json", "modules").stdout)
+        running = [module for module in modules if module["pid"] and module["name"] != "rtud"]
+        status = {module["name"]: Path(f"/proc/{module['pid']}/status").read_text() for module in running}
+        users = {int(text.partition("\nUid:\t")[2].split()[0]) for text in status.values()}
+        assert len(running) == len(users) == 3 and min(users) > UID_BASE
+        assert all("\nCapBnd:\t0000000000000000\n" in text for text in status.values())
+        assert "real-time priority" not in gateway.log()
+        os.kill(running[0]["pid"], 19)  # SIGSTOP
+        gateway.until(lambda: gateway.execute("gateway-health").returncode != 0, "that it is not well")
+
+
+def points(gateway: Container) -> set[str]:
+    done = gateway.execute("rtuctl", "--json", "points")
+    return {point["quality"] for point in json.loads(done.stdout)} if done.returncode == 0 else set()
+
+
+@NEEDS_ROOT
+def test_gateway_without_root_says_what_is_lost(tmp_path: Path) -> None:
+    config = tmp_path / "gateway.json"
+    config.write_text(json.dumps({"iec104": {"address": "127.0.0.1"}, "port": []}))
+    mounts = {config: "/etc/openrtu/gateway.json"}
+    gateway = Container(containers.image("gateway"), tmp_path / "root", mounts=mounts, user="65534")
+    with containers.network("127.0.0.2") as net, gateway.running(net):
+        gateway.until(lambda: gateway.execute("gateway-health").returncode == 0, "it is well")
+        assert "not started as root: all modules run as user 65534" in gateway.log()
+    config_of = inspected(gateway.archive, "--config")["config"]
+    assert isinstance(config_of, dict) and config_of["Entrypoint"] == ["gateway-start"]
