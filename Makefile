@@ -223,7 +223,10 @@ $(VENDORED)/done: requirements.txt $(VENV)
 	  --constraint $< paho-mqtt pyfdt tftpy
 	@touch $@
 
-deb: $(PACKAGES) build/packages-man.done build/packages-deb.done wheels $(VENDORED)/done ## Build: the Debian packages, in build/deb (DEB_ARCHS="amd64 arm64 armhf")
+# What the Debian packages are made with, and of.
+PACKAGING := build/packages-man.done build/packages-deb.done wheels $(VENDORED)/done
+
+deb: $(PACKAGES) $(PACKAGING) ## Build: the Debian packages, in build/deb (DEB_ARCHS="amd64 arm64 armhf")
 	scripts/build-deb.sh build/deb $(DEB_ARCHS)
 
 containers: deb build/linesim/build.ninja ## Build: images for containers and a compose.yaml, in build/containers
@@ -597,13 +600,13 @@ AREA = $(PYTEST) $(or $(FILES),--area $(@:test-%=%))
 
 test-station: build $(TESTED) ## Test: the controlled station: IEC 104 and TLS
 test-lines: build $(TESTED) ## Test: the Modbus lines
-test-gateway: build .asan fuzzers centre-page $(WHEELING) build/packages-deb.done build/gpsd/done build/chronyd/done build/mibs/done build/exporter/done $(TESTED) ## Test: the gateway as a whole, its configuration, the tree
+test-gateway: build .asan fuzzers centre-page $(WHEELING) $(PACKAGING) build/gpsd/done build/chronyd/done build/mibs/done build/exporter/done $(TESTED) ## Test: the gateway as a whole, its configuration, the tree
 test-bench: build .compared $(TESTED) ## Test: what make bench measures with
 test-pins: $(TESTED) ## Test: nuc980-pins
 test-image: $(TESTED) ## Test: the images' configuration and what makes them
 test-netboot: build qemu uboot $(TESTED) ## Test: nuc980-netboot
 test-twin: qemu uboot $(TESTED) ## Test: the emulated board alone
-test-centre: build centre-page build/packages-centre.done $(TESTED) ## Test: the control centre, its page in a browser
+test-centre: build centre-page $(PACKAGING) build/packages-centre.done $(TESTED) ## Test: the control centre, its page in a browser
 test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre:
 	$(AREA)
 
@@ -627,7 +630,7 @@ test-offline: build qemu uboot $(TESTED) ## Test: the image of image-offline on 
 test-sanitizers: build .asan $(TESTED) ## Test: the gateway's tests, its modules under AddressSanitizer and UBSan
 	OPENRTU_BUILD=build/asan $(PYTEST) $(UNDER_SANITIZERS)
 
-test-native: build .compared .asan fuzzers qemu uboot centre-page $(WHEELING) build/packages-deb.done build/packages-centre.done build/gpsd/done build/chronyd/done build/mibs/done build/exporter/done $(TESTED) ## Test: all of pytest but Linux on the emulated board
+test-native: build .compared .asan fuzzers qemu uboot centre-page $(WHEELING) $(PACKAGING) build/packages-centre.done build/gpsd/done build/chronyd/done build/mibs/done build/exporter/done $(TESTED) ## Test: all of pytest but Linux on the emulated board
 	$(PYTEST) --ignore=tests/linux
 
 test-user: ## Test: the README's two commands as a user without rights (takes root)
@@ -640,7 +643,7 @@ test-changed: $(TESTED) ## Test: what a change can reach, and why (BASE=commit: 
 # tests wait (nice); then test-native, which waits half of its time, with test-linux, which fills a core for each guest.
 # What several of them need is built before, by one make. Of the downloads and the configuring, which wait as well, two run
 # at a time.
-SHARED     := build .compared qemu uboot centre-page $(WHEELING) build/packages-deb.done build/packages-centre.done build/sysroot.ini \
+SHARED     := build .compared qemu uboot centre-page $(WHEELING) $(PACKAGING) build/packages-centre.done build/sysroot.ini \
   build/gpsd/done build/chronyd/done build/mibs/done
 ONLY_LINUX := linux build/boards/numaker/u-boot/done build/swupdate/done build/curl/done $(SYSTEM_PARTS) build/root/gateway-tls.done
 PARTS      := lint unit asan cross fuzzers test-sanitizers
