@@ -67,6 +67,29 @@ def test_as_linux_sets_the_time(clock: Machine) -> None:
     assert (clock.read(CAL), clock.read(TIME), clock.read(WEEKDAY)) == (0x320101, 0x000001, THURSDAY)
 
 
+@pytest.mark.parametrize(
+    ("base", "dates"),
+    [
+        ("2026-11-29T12:00:00", (0x991231, 0x000101, 0x950301, 0x261129)),
+        ("2000-01-01T00:00:00", (0x700101, 0x991231, 0x000229)),
+        ("2099-12-31T00:00:00", (0x000101, 0x310807)),
+    ],
+)
+def test_each_date_of_the_chips_century(board: Callable[..., Machine], base: str, dates: tuple[int]) -> None:
+    """However far it is from that of the command line: 2^31 s are 68 years."""
+    bus = board("-rtc", f"base={base},clock=vm", registers=True)
+    for date in dates:
+        write(bus, CAL, date)
+        assert bus.read(CAL) == date
+
+
+def test_century_begins_anew(board: Callable[..., Machine]) -> None:
+    bus = board("-rtc", "base=2099-12-31T23:59:59,clock=vm", registers=True)
+    assert (bus.read(CAL), bus.read(WEEKDAY)) == (0x991231, 4)
+    bus.step(SECOND)
+    assert (bus.read(CAL), bus.read(TIME), bus.read(LEAPYEAR)) == (0x000101, 0x000000, 1)
+
+
 @pytest.mark.parametrize(("register", "value"), [(RWEN, RWEN_KEY), (TIMEFMT, 1), (INTSTS, ALARM)])
 def test_a_write_takes_two_clocks(clock: Machine, register: int, value: int) -> None:
     assert not clock.read(INTSTS) & BUSY

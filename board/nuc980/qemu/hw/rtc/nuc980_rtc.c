@@ -59,6 +59,9 @@ REG32(RTC_SPR15, 0x7c)
 
 #define INT_BITS        (R_RTC_INTSTS_ALM_MASK | R_RTC_INTSTS_TICK_MASK)
 
+#define CENTURY_BEGIN 946684800LL               /* 2000-01-01 */
+#define CENTURY_SECONDS (36525LL * 24 * 3600)
+
 static int64_t rtc_in_clocks(int clocks)
 {
     return qemu_clock_get_ns(QEMU_CLOCK_VIRTUAL) +
@@ -125,9 +128,20 @@ static bool rtc_unpack_date(uint32_t value, struct tm *tm)
            tm->tm_mday >= 1 && tm->tm_mday <= 31;
 }
 
+/*
+ * The chip counts 2000 to 2099, all with a leap day each four years, and
+ * begins anew. QEMU's own offset is an int: two centuries' ends are further
+ * from each other than that.
+ */
 static void rtc_now(NUC980RTCState *s, struct tm *tm)
 {
-    qemu_get_timedate(tm, s->offset);
+    int64_t since;
+    time_t now;
+
+    qemu_get_timedate(tm, 0);
+    since = (mktimegm(tm) + s->offset - CENTURY_BEGIN) % CENTURY_SECONDS;
+    now = CENTURY_BEGIN + (since < 0 ? since + CENTURY_SECONDS : since);
+    gmtime_r(&now, tm);
 }
 
 static int rtc_weekday(NUC980RTCState *s, const struct tm *tm)
@@ -444,12 +458,12 @@ static int rtc_post_load(void *opaque, int version_id)
 
 static const VMStateDescription vmstate_nuc980_rtc = {
     .name = TYPE_NUC980_RTC,
-    .version_id = 2,
-    .minimum_version_id = 2,
+    .version_id = 3,
+    .minimum_version_id = 3,
     .post_load = rtc_post_load,
     .fields = (VMStateField[]) {
         VMSTATE_BOOL(active, NUC980RTCState),
-        VMSTATE_INT32(offset, NUC980RTCState),
+        VMSTATE_INT64(offset, NUC980RTCState),
         VMSTATE_INT32(weekday_offset, NUC980RTCState),
         VMSTATE_INT64(open_until_ns, NUC980RTCState),
         VMSTATE_INT64(busy_until_ns, NUC980RTCState),

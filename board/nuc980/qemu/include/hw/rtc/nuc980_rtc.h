@@ -25,7 +25,7 @@ struct NUC980RTCState {
     QEMUTimer *timer;               /* the next alarm or tick */
     bool battery;                   /* it ran on while the board was off */
     bool active;                    /* since INIT's key, when it did not */
-    int32_t offset;                 /* seconds, to QEMU's -rtc */
+    int64_t offset;                 /* seconds, to QEMU's -rtc */
     int32_t weekday_offset;         /* days, to the calendar's */
     int64_t open_until_ns;          /* when RWEN's key ends to count */
     int64_t busy_until_ns;          /* when the last write has arrived */
