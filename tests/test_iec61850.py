@@ -273,6 +273,7 @@ DEVICE, BLOCK = "OpenRTUCA1010", "LLN0$RP$urcbStatus01"
 YES, NO = bytes.fromhex("8301ff"), bytes.fromhex("830100")
 TRIGGERS = {"dchg": 0x40, "qchg": 0x20, "integrity": 0x08, "gi": 0x04}
 TRANSIENT = (0x80, b"\2")  # temporarily unavailable
+INVALID = (0x80, b"\x0b")  # the value
 
 
 def bits(value: int, count: int) -> bytes:
@@ -414,6 +415,13 @@ def test_integrity_reports_come_by_themselves_in_segments(site: Site) -> None:
                 if report[4][1] == b"\0":
                     break
         assert seen == 2 * list(range(count))
+
+
+def test_integrity_has_a_shortest_period(site: Site) -> None:
+    """A client that wishes a report each millisecond must not take the processor from the others."""
+    with site.client() as client:
+        for period, answer in ((1, INVALID), (99, INVALID), (100, mms.DONE), (0, mms.DONE)):
+            assert client.write(DEVICE, (f"{BLOCK}$IntgPd", number(period))) == [answer]
 
 
 def test_a_block_is_one_clients(site: Site) -> None:

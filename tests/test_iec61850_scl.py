@@ -426,6 +426,10 @@ def test_a_reservation_outlives_the_association_of_its_client(gateway: Gateway) 
         ({"ln": "LPHD1"}, '"LPHD1" is no logical node of CA 7 that has a point'),
         ({"reports": [{"name": "urcbAll"}]}, 'two control blocks "urcbAll"'),
         ({"reports": [{"name": "x", "options": ["entryID"]}]}, "of buffered reports alone"),
+        (
+            {"reports": [{"name": "x", "integrity_ms": 99}]},
+            "an integrity_ms of 99, expected 0 or 100 at least",
+        ),
         ({"reports": [{"name": "x", "triggers": ["GI"]}]}, "is none of dchg qchg dupd period gi"),
     ],
 )

@@ -16,6 +16,7 @@
 #define IEC61850_ASSOCIATIONS_MAX 16
 #define IEC61850_CLIENTS_MAX      16
 #define IEC61850_PDU_MIN          1000
+#define IEC61850_INTEGRITY_MS_MIN 100 /* a client's wish must not take the processor from the others */
 #define IEC61850_PDU_MAX          65000
 #define IEC61850_BUFFER_MIN       64
 #define IEC61850_BUFFER_MAX       65536

@@ -138,6 +138,9 @@ static void read_report(struct config_loader *loader, const struct config_place 
 	report->instances = (uint8_t)values[INSTANCES].integer;
 	report->buffer_ms = (uint32_t)values[BUFFER_MS].integer;
 	report->integrity_ms = (uint32_t)values[INTEGRITY_MS].integer;
+	if (report->integrity_ms > 0 && report->integrity_ms < IEC61850_INTEGRITY_MS_MIN)
+		config_error(&loader->report, place, "has an integrity_ms of %u, expected 0 or %d at least",
+			     (unsigned)report->integrity_ms, IEC61850_INTEGRITY_MS_MIN);
 	report->triggers =
 	    (uint8_t)read_words(loader, &trigger_place, &values[TRIGGERS], triggers, COUNT(triggers));
 	report->options = read_words(loader, &option_place, &values[OPTIONS], options, COUNT(options));

@@ -358,6 +358,20 @@ static int write_number(const struct ber_element *data, uint32_t *out)
 	return 0;
 }
 
+/* 0: none. */
+static int write_period(const struct ber_element *data, uint32_t *out)
+{
+	uint32_t period;
+	const int error = write_number(data, &period);
+
+	if (error != 0)
+		return error;
+	if (period > 0 && period < IEC61850_INTEGRITY_MS_MIN)
+		return IEC61850_ACCESS_VALUE_INVALID;
+	*out = period;
+	return 0;
+}
+
 /* In the most significant places of 16. */
 static int write_bits(const struct ber_element *data, size_t octets, uint16_t *out)
 {
@@ -448,7 +462,7 @@ static int write_attribute(struct iec61850_server *server, const struct iec61850
 	case IEC61850_BUF_TM:
 		return write_number(data, &block->buffer_ms);
 	case IEC61850_INTG_PD:
-		return write_number(data, &block->integrity_ms);
+		return write_period(data, &block->integrity_ms);
 	case IEC61850_ENTRY_ID:
 		return write_entry(server, data, block);
 	case IEC61850_RESV_TMS:

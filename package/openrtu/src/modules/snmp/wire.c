@@ -53,10 +53,45 @@ static bool is_among(const struct in6_addr *address, const char (*list)[MAP_ADDR
 	return count == 0 || map_address_place(list, count, address) < count;
 }
 
+#define DROPPED_FOR_ONE 32
+#define PEEKED          64 /* octets of a message, which hold its head */
+
+/* msgFlags of a message (RFC 3412, 6): a sequence with the version, and one with msgID, msgMaxSize and these. -1: there are none. */
+static int flags_of(const uint8_t *octets, size_t size)
+{
+	static const uint8_t tags[] = {0x30, 0x02, 0x30, 0x02, 0x02, 0x04};
+	size_t at = 0;
+
+	for (unsigned i = 0; i < sizeof(tags); i++) {
+		size_t length;
+
+		if (at + 2 > size || octets[at] != tags[i])
+			return -1;
+		length = octets[at + 1];
+		at += 2;
+		if (length > 0x80) { /* of the sequences alone: their length itself does not matter here */
+			at += length - 0x80;
+			length = 0;
+		}
+		if (tags[i] == 0x02)
+			at += length;
+	}
+	return at < size ? octets[at] : -1;
+}
+
+static bool is_authenticated(const uint8_t *octets, size_t size)
+{
+	const int flags = flags_of(octets, size);
+
+	return flags >= 0 && (flags & SNMP_MSG_FLAG_AUTH_BIT) != 0;
+}
+
 /* Before a message costs anything. */
-static bool is_welcome(struct wire *wire, const struct sockaddr_storage *from)
+static bool is_welcome(struct wire *wire, const struct sockaddr_storage *from, const uint8_t *octets,
+		       size_t size)
 {
 	const struct snmp_settings *settings = wire->agent->settings;
+	const int64_t now_ns = map_now_ns();
 	struct in6_addr address;
 
 	if (wire->peer_size != 0)
@@ -65,12 +100,12 @@ static bool is_welcome(struct wire *wire, const struct sockaddr_storage *from)
 	wire->agent->is_clock_master =
 	    is_among(&address, settings->clock_masters, settings->clock_master_count);
 	return is_among(&address, settings->managers, settings->manager_count) &&
-	       bucket_takes(&address, settings->rate, map_now_ns());
+	       (is_authenticated(octets, size) ? bucket_takes(&address, settings->rate, now_ns)
+					       : bucket_discovers(&address, settings->rate, now_ns));
 }
 
 static int receive(netsnmp_transport *transport, void *buffer, int size, void **opaque, int *opaque_length)
 {
-	struct wire *wire = transport->data;
 	struct origin *origin = calloc(1, sizeof(*origin));
 	struct iovec octets = {.iov_base = buffer, .iov_len = (size_t)size};
 	struct msghdr header = {.msg_iov = &octets, .msg_iovlen = 1};
@@ -89,11 +124,7 @@ static int receive(netsnmp_transport *transport, void *buffer, int size, void **
 		return -1;
 	origin->size = header.msg_namelen;
 	turn_round(origin, &header);
-	map_count(&wire->agent->shared->counters[SNMP_COUNT_MESSAGES], 1);
-	if (is_welcome(wire, &origin->address))
-		return (int)got;
-	map_count(&wire->agent->shared->counters[SNMP_COUNT_LIMITED], 1);
-	return 0;
+	return (int)got;
 }
 
 static int transmit(netsnmp_transport *transport, const void *buffer, int size, void **opaque,
@@ -259,19 +290,48 @@ struct wire *wire_to_sink(struct snmp_agent *agent, const struct snmp_keyring *r
 	return wire->session == NULL ? NULL : wire;
 }
 
+/* What waits first: 1: it is welcome; 0: it is not; below 0: nothing waits. */
+static int look(struct wire *wire)
+{
+	uint8_t octets[PEEKED];
+	struct sockaddr_storage from = {0};
+	socklen_t size = sizeof(from);
+	const ssize_t got = recvfrom(wire->transport.sock, octets, sizeof(octets), MSG_PEEK | MSG_DONTWAIT,
+				     (struct sockaddr *)&from, &size);
+
+	if (got < 0)
+		return -1;
+	map_count(&wire->agent->shared->counters[SNMP_COUNT_MESSAGES], 1);
+	return is_welcome(wire, &from, octets, (size_t)got);
+}
+
+static void drop(const struct wire *wire)
+{
+	uint8_t octet;
+
+	(void)recv(wire->transport.sock, &octet, 1, MSG_DONTWAIT);
+	map_count(&wire->agent->shared->counters[SNMP_COUNT_LIMITED], 1);
+}
+
+/* What is not welcome is dropped at once, many times as much: it must not stand in the queue before what is. */
 void wire_read(struct wire *wire, unsigned most)
 {
+	const unsigned most_dropped = DROPPED_FOR_ONE * most;
+	unsigned dropped = 0;
+	int welcome;
 	fd_set set;
 
-	for (unsigned i = 0; i < most; i++) {
-		char byte;
-
-		if (recv(wire->transport.sock, &byte, 1, MSG_PEEK | MSG_DONTWAIT | MSG_TRUNC) < 0)
-			return;
+	while (most > 0 && dropped < most_dropped && (welcome = look(wire)) >= 0) {
+		if (welcome == 0) {
+			drop(wire);
+			dropped++;
+			continue;
+		}
 		FD_ZERO(&set);
 		FD_SET(wire->transport.sock, &set);
 		snmp_new_message(wire->agent);
 		snmp_sess_read(wire->session, &set);
+		most--;
 	}
 }
 
