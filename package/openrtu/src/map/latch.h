@@ -32,17 +32,30 @@ static inline unsigned latch_flip(map_latch *latch)
 	return (sequence & 1) ? 0 : 1;
 }
 
-/* Puts a record into both copies of an array of two. */
-static inline void latch_store(map_latch *latch, void *copies, const void *record, size_t size)
-{
-	for (int copy = 0; copy < 2; copy++)
-		memcpy((uint8_t *)copies + latch_flip(latch) * size, record, size);
-}
-
 /* The copy that is whole, whatever a former writer left half done. */
 static inline unsigned latch_whole_copy(map_latch *latch)
 {
 	return atomic_load_explicit(latch, memory_order_relaxed) & 1;
+}
+
+/*
+ * The first size octets of a record, into both copies of an array of two. A former writer that was killed left the copy that
+ * is not whole torn: the first flip gives that one to the readers, so it is made whole before.
+ */
+static inline void latch_store_part(map_latch *latch, void *copies, const void *record, size_t size,
+				    size_t record_size)
+{
+	uint8_t *whole = (uint8_t *)copies + latch_whole_copy(latch) * record_size;
+	uint8_t *other = (uint8_t *)copies + !latch_whole_copy(latch) * record_size;
+
+	memcpy(other, whole, size);
+	for (int copy = 0; copy < 2; copy++)
+		memcpy((uint8_t *)copies + latch_flip(latch) * record_size, record, size);
+}
+
+static inline void latch_store(map_latch *latch, void *copies, const void *record, size_t size)
+{
+	latch_store_part(latch, copies, record, size, size);
 }
 
 static inline uint32_t latch_read_begin(map_latch *latch)

@@ -33,11 +33,10 @@ static inline struct synch_stats *synch_stats_of(const struct map *map)
 	return module == MAP_NONE ? NULL : map_section(map, module, sizeof(struct synch_stats));
 }
 
-/* Owner: both copies, one after the other. */
+/* Owner: the first size octets of the state. */
 static inline void synch_store(struct synch_stats *stats, const struct synch_state *state, size_t size)
 {
-	for (int copy = 0; copy < 2; copy++)
-		memcpy(&stats->copies[latch_flip(&stats->latch)], state, size);
+	latch_store_part(&stats->latch, stats->copies, state, size, sizeof(*state));
 }
 
 /* The answer to a participant. A state is stored more often than a reader tries only by a coordinator gone wild: 0 then. */
