@@ -291,6 +291,28 @@ def test_wrong_file(programs: Path, tmp_path: Path, case: Wrong) -> None:
     assert VALIDATOR.is_valid(document) is not case.schema_sees
 
 
+def test_limits_of_a_set_point_need_no_step(programs: Path, tmp_path: Path) -> None:
+    document = report_file()
+    edit(document, "port[2].slaves[0].holding_registers[0]", {"address": 0, "min": 0, "max": 100})
+    result = check_document(programs, tmp_path, document)
+    assert (result.returncode, result.stderr) == (0, "")
+    assert VALIDATOR.is_valid(document)
+
+
+def test_description_may_be_longer_than_a_name(programs: Path, tmp_path: Path) -> None:
+    """As the report's program takes it; the name is as many whole characters as there is room for."""
+    document = report_file()
+    edit(document, "port[2].slaves[0].description", "12345678901234567890123456789012345678č" + "x" * 23)
+    result = check_document(programs, tmp_path, document)
+    assert (result.returncode, result.stderr) == (0, "")
+    assert VALIDATOR.is_valid(document)
+    listed = subprocess.run(
+        [programs / "rtud/rtud", "--plan", tmp_path / "gateway.json"], capture_output=True, check=True
+    ).stdout.decode()
+    assert "12345678901234567890123456789012345678" in listed
+    assert "č" not in listed
+
+
 def test_more_than_there_is_room_for(programs: Path, tmp_path: Path) -> None:
     document = report_file()
     document["port"] += [{"value": 1, "active": 0}] * 62

@@ -117,31 +117,31 @@ static bool is_whole(double number)
 	return fpclassify(number - rint(number)) == FP_ZERO;
 }
 
-/* A step command needs all three, and a value that is an integer moves by integers. */
+/* A step command needs limits, and a value that is an integer moves by integers. Limits hold for set-points without it. */
 static void check_step(struct modbus_loader *loader, const struct config_place *object,
 		       const struct config_value *values, enum map_type type)
 {
 	const struct config_place step = modbus_object_key(object, OBJECT_STEP);
 	const struct config_place max = modbus_object_key(object, OBJECT_MAX);
-	unsigned given = 0;
+	const bool stepped = values[OBJECT_STEP].given;
 
-	for (unsigned key = OBJECT_STEP; key <= OBJECT_MAX; key++) {
-		if (values[key].wrong)
-			return;
-		given += values[key].given;
-	}
-	for (unsigned key = OBJECT_STEP; given > 0 && key <= OBJECT_MAX; key++) {
+	if (values[OBJECT_STEP].wrong || values[OBJECT_MIN].wrong || values[OBJECT_MAX].wrong ||
+	    !(stepped || values[OBJECT_MIN].given || values[OBJECT_MAX].given))
+		return;
+	for (unsigned key = OBJECT_MIN; key <= OBJECT_MAX; key++) {
 		const struct config_place here = modbus_object_key(object, key);
 
 		if (!values[key].given)
-			config_error(loader->report, &here,
-				     "is not given: step, min and max belong together, expected a number");
+			config_error(
+			    loader->report, &here,
+			    "is not given: min and max belong together, and step needs both, expected "
+			    "a number");
 	}
-	if (given < 3)
+	if (!values[OBJECT_MIN].given || !values[OBJECT_MAX].given)
 		return;
-	if (fpclassify(values[OBJECT_STEP].number) == FP_ZERO)
+	if (stepped && fpclassify(values[OBJECT_STEP].number) == FP_ZERO)
 		config_error(loader->report, &step, "is 0, expected more");
-	else if (type != MAP_FLOAT && !is_whole(values[OBJECT_STEP].number))
+	else if (stepped && type != MAP_FLOAT && !is_whole(values[OBJECT_STEP].number))
 		config_error(loader->report, &step, "is not an integer, which type %s needs",
 			     modbus_type_names[type]);
 	if (values[OBJECT_MIN].number >= values[OBJECT_MAX].number)

@@ -5,7 +5,8 @@
 
 #include <string.h>
 
-#define UNIT_BROADCAST 0
+#define DESCRIPTION_MAX 63 /* octets: as the report's program takes it */
+#define UNIT_BROADCAST  0
 /* MODBUS Messaging on TCP/IP Implementation Guide V1.0b, 4.4.1.2: who is at the connection's end itself. */
 #define UNIT_ITSELF 255
 #define CA_PER_PORT 1000
@@ -43,7 +44,7 @@ static const struct config_rule slave_rules[SLAVE_KEYS] = {
     [MODBUS_INPUT_REGISTERS] = {"input_registers", CONFIG_ARRAY, .high = CONFIG_POINTS_MAX},
     [MODBUS_HOLDING_REGISTERS] = {"holding_registers", CONFIG_ARRAY, .high = CONFIG_POINTS_MAX},
     [SLAVE_ID] = {"id", CONFIG_INTEGER, .required = true, .low = UNIT_BROADCAST, .high = MODBUS_UNIT_MAX},
-    [SLAVE_DESCRIPTION] = {"description", CONFIG_TEXT, .low = 0, .high = MAP_NAME_SIZE - 1},
+    [SLAVE_DESCRIPTION] = {"description", CONFIG_TEXT, .low = 0, .high = DESCRIPTION_MAX},
     [SLAVE_RESPONSE_TIMEOUT] = {"response_timeout_ms", CONFIG_INTEGER, .low = 20, .high = 10000,
 				.fallback = 500},
     [SLAVE_RESPONSE_TIMEOUT_MIN] = {"response_timeout_min_ms", CONFIG_INTEGER, .low = 10, .high = 10000,
@@ -159,6 +160,18 @@ static uint32_t reaction_us(struct modbus_loader *loader, const struct config_pl
 	return (uint32_t)(US_PER_MS * values[SLAVE_REACTION].number + 0.5);
 }
 
+/* As much as a name holds, of whole characters. */
+static void take_description(char name[MAP_NAME_SIZE], const char *text)
+{
+	size_t length = strnlen(text, MAP_NAME_SIZE);
+
+	if (length == MAP_NAME_SIZE)
+		for (length--; length > 0 && ((uint8_t)text[length] & 0xc0) == 0x80; length--)
+			;
+	memcpy(name, text, length);
+	name[length] = '\0';
+}
+
 static void add_device(struct modbus_loader *loader, const struct config_place *place,
 		       const struct config_value *values)
 {
@@ -188,7 +201,7 @@ static void add_device(struct modbus_loader *loader, const struct config_place *
 	};
 	snprintf(set->prefix, sizeof(set->prefix), "p%u.%u", port->port, unit);
 	if (values[SLAVE_DESCRIPTION].given && values[SLAVE_DESCRIPTION].text[0] != '\0')
-		snprintf(set->name, sizeof(set->name), "%s", values[SLAVE_DESCRIPTION].text);
+		take_description(set->name, values[SLAVE_DESCRIPTION].text);
 	else
 		snprintf(set->name, sizeof(set->name), "%s", set->prefix);
 	port->device_count++;

@@ -72,7 +72,7 @@ static void set_present(json_t *row, const struct map *map, uint32_t index)
 	if (*unit != '\0')
 		json_object_set_new(row, "unit", json_string(unit));
 	json_object_set_new(row, "expected", json_string(map_types[point->type].expected));
-	if (point->step > 0) {
+	if (point->min < point->max) {
 		json_object_set_new(row, "min", json_real(map_shortest(point->min)));
 		json_object_set_new(row, "max", json_real(map_shortest(point->max)));
 	}

@@ -17,6 +17,12 @@ static bool takes_steps(const struct map_point *point)
 	return point->step > 0;
 }
 
+/* A set-point has them with steps or without. */
+static bool has_limits(const struct map_point *point)
+{
+	return point->min < point->max;
+}
+
 static bool within_limits(const struct map_point *point, double number)
 {
 	return number >= (double)point->min && number <= (double)point->max; /* false for NaN too */
@@ -117,7 +123,7 @@ enum map_command_result operation_begin(const struct map_point *point, const str
 	}
 	if (request->pulse_ms != 0 && !takes_pulse(wire, value))
 		return MAP_RESULT_NOT_COMMANDABLE;
-	if ((takes_steps(point) && !within_limits(point, map_number((enum map_type)point->type, value))) ||
+	if ((has_limits(point) && !within_limits(point, map_number((enum map_type)point->type, value))) ||
 	    !convert_to_raw(wire, knots, exponent, value, request->detail, raw))
 		return MAP_RESULT_OUT_OF_RANGE;
 	write_raw(wire, unit, raw, out);

@@ -115,7 +115,7 @@ static void test_one_write_of_one_object(void **state)
 	backwards.wire.flags = MODBUS_BITS_SWAPPED;
 	assert_one_write(begin(backwards, set(2), none), MODBUS_WRITE_COILS, 9, 0, 1);
 	bitstring.point.type = bitstring.wire.type = MAP_BITSTRING;
-	bitstring.point.step = 0;
+	bitstring.point.step = bitstring.point.max = 0;
 	assert_one_write(begin(bitstring, set(0x12345678), none), MODBUS_WRITE_REGISTERS, 6, 0x1234, 0x5678);
 }
 
@@ -210,6 +210,8 @@ static void test_steps_need_a_good_value_and_a_configured_step(void **state)
 				 NEVER);
 	stepless.point.step = 0;
 	assert_result(stepless, higher, NEVER);
+	assert_result(stepless, set(26), LIMIT); /* its limits hold all the same */
+	assert_result(stepless, set(25), MAP_RESULT_NONE);
 	assert_result(single, higher, NEVER);
 }
 
