@@ -41,7 +41,7 @@ static bool read_ticks(int32_t pid, uint64_t *ticks)
 
 static void look_at_module(struct rates *rates, uint32_t index, double seconds)
 {
-	typeof(&rates->modules[0]) known = &rates->modules[index];
+	__typeof__(&rates->modules[0]) known = &rates->modules[index];
 	struct map_module module;
 	uint64_t ticks = 0;
 	bool there;

@@ -43,22 +43,22 @@ static struct {
 	    current[sizeof("current")], longitude[sizeof("longitude")], weight[sizeof("weight")];
 } names = {"", "pump/lamp", "pump/breaker", "level", "current", "longitude", "weight"};
 static struct map_point points[POINTS] = {
-    [LAMP] = {.name = offsetof(typeof(names), lamp),
+    [LAMP] = {.name = offsetof(__typeof__(names), lamp),
 	      .type = MAP_SINGLE,
 	      .ioa = 1,
 	      .flags = MAP_POINT_COMMAND,
 	      .short_pulse_ms = 400},
-    [BREAKER] = {.name = offsetof(typeof(names), breaker),
+    [BREAKER] = {.name = offsetof(__typeof__(names), breaker),
 		 .type = MAP_DOUBLE,
 		 .ioa = 2,
 		 .flags = MAP_POINT_COMMAND | MAP_POINT_SELECT},
-    [LEVEL] = {.name = offsetof(typeof(names), level), .type = MAP_SCALED, .ioa = 30001},
-    [CURRENT] = {.name = offsetof(typeof(names), current), .type = MAP_FLOAT, .ioa = 30002},
-    [LONGITUDE] = {.name = offsetof(typeof(names), longitude),
+    [LEVEL] = {.name = offsetof(__typeof__(names), level), .type = MAP_SCALED, .ioa = 30001},
+    [CURRENT] = {.name = offsetof(__typeof__(names), current), .type = MAP_FLOAT, .ioa = 30002},
+    [LONGITUDE] = {.name = offsetof(__typeof__(names), longitude),
 		   .type = MAP_ANGLE,
 		   .ioa = 50001,
 		   .flags = MAP_POINT_COMMAND},
-    [WEIGHT] = {.name = offsetof(typeof(names), weight), .type = MAP_INTEGER, .ioa = 50002},
+    [WEIGHT] = {.name = offsetof(__typeof__(names), weight), .type = MAP_INTEGER, .ioa = 50002},
 };
 static struct map_module_plan modules[MAP_MODULES_MAX];
 static struct map_config config = {
