@@ -289,6 +289,32 @@ def test_what_is_no_modbus_closes_the_connection(programs: Path) -> None:
 
 
 @pytest.mark.slow
+def test_device_that_never_answered_is_said_once(programs: Path) -> None:
+    """One that says nothing, and one that answers too late, with the number that helps."""
+    held: list[bytes] = []
+
+    def late(request: Request) -> bytes:
+        before, held[:] = b"".join(held), [request.answer()]
+        return before
+
+    with Server() as silent, Server() as slow:
+        silent.respond = lambda request: b""
+        slow.respond = late
+        ports = [
+            tcp_port(7, silent, [slave(1, 0, timeout_ms=200)]),
+            tcp_port(8, slow, [slave(2, 0, timeout_ms=200)]),
+        ]
+        with gateway_of(programs, *ports) as gateway:
+            said = [
+                f"p{port}.{unit}: unit {unit} on port {port} has never answered within 200 ms"
+                for port, unit in ((7, 1), (8, 2))
+            ]
+            for line_ in (*said, "port 8: answers that came later: "):
+                gateway.wait_for(lambda line_=line_: line_ in gateway.log(), 60.0, line_)
+            assert [gateway.log().count(line_) for line_ in said] == [1, 1]
+
+
+@pytest.mark.slow
 def test_late_answer_is_never_another_registers_value(programs: Path) -> None:
     """Each third request is answered behind the next one's time-out; all these answers look alike."""
     held: list[bytes] = []

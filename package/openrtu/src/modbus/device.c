@@ -316,6 +316,9 @@ void modbus_device_silent(struct modbus_line *line, uint32_t index, int64_t now_
 	if (!device->alive) {
 		let_rest(line, device, now_ns);
 		line->probed_in_vain = true;
+		if (device->failures == device->retries + 1u && device->counters.answers == 0 &&
+		    line->events->mute != NULL)
+			line->events->mute(line->context, index);
 	} else if (device->failures > device->retries) {
 		modbus_device_died(line, index, now_ns);
 	}

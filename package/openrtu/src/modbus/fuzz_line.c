@@ -76,7 +76,7 @@ static void on_command(void *context, const struct modbus_command *command, enum
 	ended++;
 }
 
-static const struct modbus_events events = {on_read, on_refused, on_alive, on_command};
+static const struct modbus_events events = {on_read, on_refused, on_alive, on_command, NULL};
 
 /* ---- what happens ------------------------------------------------------------------------------ */
 

@@ -174,6 +174,8 @@ struct modbus_events {
 	/* A command has ended. */
 	void (*command)(void *context, const struct modbus_command *command, enum modbus_result result,
 			uint8_t exception);
+	/* A device has not answered since the line began, and has had its tries. Left out: nobody wants to know. */
+	void (*mute)(void *context, uint32_t device);
 };
 
 enum modbus_line_state {

@@ -70,7 +70,7 @@ static void on_command(void *context, const struct modbus_command *command, enum
 	bus.last_exception = exception;
 }
 
-static const struct modbus_events events = {on_read, on_refused, on_alive, on_command};
+static const struct modbus_events events = {on_read, on_refused, on_alive, on_command, NULL};
 
 /* ---- the devices -------------------------------------------------------------------------------- */
 

@@ -117,6 +117,23 @@ static void device_changed(void *context, uint32_t device, bool alive, int64_t n
 		results->config->port, alive ? "answers" : "is dead");
 }
 
+/* What an engineer asks who has just connected it: of another unit, too late, or nothing at all. */
+static void say_mute(void *context, uint32_t device)
+{
+	struct line_results *results = context;
+	const struct modbus_line_counters *line = &results->line->counters;
+	const struct modbus_slave *slave =
+	    &modbus_slaves(map_config(results->map))[results->config->first_device + device];
+
+	map_log(results->map, MAP_LOG_WARNING, "%s: unit %u on port %u has never answered within %u ms",
+		device_config(results, device)->name, slave->unit, results->config->port,
+		slave->response_timeout_ms);
+	if (line->late_answers != 0 || line->wrong_units != 0)
+		map_log(results->map, MAP_LOG_WARNING,
+			"port %u: answers that came later: %u, of other units: %u", results->config->port,
+			line->late_answers, line->wrong_units);
+}
+
 static void take_command_answer(void *context, const struct modbus_command *command,
 				enum modbus_result result, uint8_t exception)
 {
@@ -126,4 +143,4 @@ static void take_command_answer(void *context, const struct modbus_command *comm
 }
 
 const struct modbus_events line_results_events = {publish_read, lose_read, device_changed,
-						  take_command_answer};
+						  take_command_answer, say_mute};
