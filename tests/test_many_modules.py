@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from logic.binary import encode
-from logic.compile import compile_text
-from logic.errors import Findings
 
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.master import Master
 from lab.modules import place, program
+from openrtu_tools.logic.binary import encode
+from openrtu_tools.logic.compile import compile_text
+from openrtu_tools.logic.errors import Findings
 
 ROOT = Path(__file__).resolve().parent.parent
 MOST = 64  # MAP_MODULES_MAX
