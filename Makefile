@@ -8,7 +8,7 @@ SHELL := bash
 MAKEFLAGS += --no-print-directory
 # Containers set it to stay small. Here each of some thousand starts of Python would compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
-.PHONY: help setup tools build centre centre-page wheels site install man deb containers dtb qemu uboot linux linux-debug image-debian update image-buildroot image-offline source unit compile asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom cves legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-debug-kernel test-offline test-sanitizers test-native test-user test-changed test busy soak lab run run-native twin bench bench-polls bench-map clean netboot distclean
+.PHONY: help setup tools build centre centre-page wheels site release install man deb containers dtb qemu uboot linux linux-debug image-debian update image-buildroot image-offline source unit compile asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom cves legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-debug-kernel test-offline test-sanitizers test-native test-user test-changed test busy soak lab run run-native twin bench bench-polls bench-map clean netboot distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -191,6 +191,14 @@ $(SITE_VENV)/done: requirements-site.txt | build/packages-site.done
 	@rm -rf $(@D) && /usr/bin/python3 -m venv $(@D)
 	$(LOGGED) site-python $(@D)/bin/pip install --disable-pip-version-check --requirement $<
 	@touch $@
+
+# ---- a release ---------------------------------------------------------------------------------------
+
+PARTS ?=
+
+release: build/packages-release.done ## Build: what a release publishes, in build/release (PARTS=)
+	rm -rf build/release
+	PARTS='$(PARTS)' scripts/release-files.sh --make build/release build
 
 # ---- on a Linux machine --------------------------------------------------------------------------
 

@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-FIRST = ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "docs")
+FIRST = ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md", "docs")
 LINK = re.compile(r"\]\((?!\w+:)([^)#\s]+)(?:#[^)\s]*)?\)")
 ITEM = re.compile(r"(?:[-*]|\d+\.) +(?=\S)")
 INDENT = 4  # of what belongs to an item of a list, for Python's Markdown

@@ -48,6 +48,7 @@ REACH = [
     ("scripts/packages-site.txt", SITE),
     ("scripts/site-source.py", f"lint {SITE}"),
     ("docs/site/*", SITE),
+    ("docs/security.md", "tests/test_entrances.py"),
     ("docs/configuration.md", "tests/test_config.py"),
     ("docs/first-device.md", "tests/test_docs_commands.py"),
     (
@@ -155,7 +156,8 @@ REACH = [
     ("scripts/lab/twin_show.py", "test-twin"),
     (
         "scripts/lab/manager.py",
-        "lint tests/test_snmp*.py tests/test_reload.py tests/test_reload_running.py tests/test_show.py "
+        "lint tests/test_entrances.py tests/test_snmp*.py tests/test_reload.py "
+        "tests/test_reload_running.py tests/test_show.py "
         "tests/test_same_events.py "
         "tests/linux/test_system_tls.py",
     ),
@@ -199,6 +201,8 @@ REACH = [
         " tests/linux/test_update_versions.py tests/test_debian_packages.py",
     ),
     ("scripts/release-files.sh", "test-image"),
+    ("scripts/apt-repository.sh", "test-image"),
+    ("scripts/packages-release.txt", "test-image"),
     ("scripts/setup-sysroot.sh", "cross test-linux"),
     ("scripts/armel.ini", "cross test-linux"),
     # the board
@@ -230,8 +234,11 @@ REACH = [
     ("tests/logic_reference.py", "tests/test_logic.py tests/test_logic_findings.py"),
     ("tests/logic_findings.py", "tests/test_logic.py tests/test_logic_findings.py"),
     ("tests/fuzzing.py", "tests/test_fuzz.py"),
-    ("tests/snmp.py", "tests/test_snmp*.py"),
-    ("tests/web.py", "tests/test_reload*.py tests/test_web.py tests/centre/test_web_page.py"),
+    ("tests/snmp.py", "tests/test_entrances.py tests/test_snmp*.py"),
+    (
+        "tests/web.py",
+        "tests/test_entrances.py tests/test_reload*.py tests/test_web.py tests/centre/test_web_page.py",
+    ),
     ("tests/fixtures/corpus/*", "tests/test_fuzz.py"),
     ("tests/fixtures/*", DESK),
     ("tests/netboot/*", "lint test-netboot test-linux"),
