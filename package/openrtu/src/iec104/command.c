@@ -79,6 +79,15 @@ static bool takes_unknown_age(struct iec104_station *station, const struct iec10
 	return false;
 }
 
+/* All summer long nothing else would tell a control centre that leaves the bit 0 from one that is refused for its age. */
+void iec104_say_season(struct iec104_station *station, const struct iec104_received *received,
+		       const uint8_t *time)
+{
+	if (iec104_time56_lacks_season(time, &station->config->settings.zone))
+		iec104_log(station, MAP_LOG_WARNING, received->connection->peer,
+			   "a time is refused: its bit SU (summer time) is not that of timezone");
+}
+
 static bool time_tag_is_recent(struct iec104_station *station, const struct iec104_received *received,
 			       const struct iec104_command *command)
 {
@@ -86,8 +95,10 @@ static bool time_tag_is_recent(struct iec104_station *station, const struct iec1
 	int64_t limit_ns = station->config->settings.command_timeout_s * NS_PER_S;
 	int64_t wall_ns, age_ns;
 
-	if (!iec104_time56_decode(command->time, &station->config->settings.zone, &wall_ns))
+	if (!iec104_time56_decode(command->time, &station->config->settings.zone, &wall_ns)) {
+		iec104_say_season(station, received, command->time);
 		return false;
+	}
 	if (!clock.set)
 		return takes_unknown_age(station, received);
 	age_ns = received->now_ns + clock.offset_ns - wall_ns;

@@ -190,6 +190,9 @@ static void test_wrong_summer_bit(void **state)
 	(void)state;
 	for (size_t i = 0; i < sizeof(wrong) / sizeof(wrong[0]); i++)
 		assert_false(iec104_time56_decode(wrong[i], &berlin, &wall_ns));
+	assert_true(iec104_time56_lacks_season(wrong[0], &berlin));
+	assert_true(iec104_time56_lacks_season(wrong[1], &berlin));
+	assert_false(iec104_time56_lacks_season(wrong[2], &berlin)); /* there is no such time */
 	assert_false(iec104_time56_decode(wrong[0], &utc, &wall_ns));
 	assert_false(iec104_time56_decode(wrong[0], &kathmandu, &wall_ns));
 }

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "iec104/time56.h"
 
+#include <string.h>
+
 #include "map/time_ns.h"
 
 #define MS_PER_DAY  86400000LL
@@ -109,4 +111,14 @@ bool iec104_time56_decode(const uint8_t octets[IEC104_TIME56_SIZE], const struct
 	time_s = days * S_PER_DAY + (hour * 60 + minute) * 60 - (summer ? zone->summer_s : zone->offset_s);
 	*wall_ns = (MS_OF_2000 + time_s * MS_PER_S + ms) * NS_PER_MS;
 	return is_summer(zone, time_s + ms / MS_PER_S) == summer;
+}
+
+bool iec104_time56_lacks_season(const uint8_t octets[IEC104_TIME56_SIZE], const struct map_zone *zone)
+{
+	uint8_t other[IEC104_TIME56_SIZE];
+	int64_t ignored;
+
+	memcpy(other, octets, sizeof(other));
+	other[3] ^= SU_BIT;
+	return !iec104_time56_decode(octets, zone, &ignored) && iec104_time56_decode(other, zone, &ignored);
 }

@@ -27,5 +27,7 @@ void iec104_time56_encode(uint8_t octets[IEC104_TIME56_SIZE], int64_t wall_ns, b
  */
 bool iec104_time56_decode(const uint8_t octets[IEC104_TIME56_SIZE], const struct map_zone *zone,
 			  int64_t *wall_ns);
+/* What was not decoded would be, with the other SU bit: its sender does not set it, or has another zone. */
+bool iec104_time56_lacks_season(const uint8_t octets[IEC104_TIME56_SIZE], const struct map_zone *zone);
 
 #endif
