@@ -18,6 +18,7 @@ import yaml
 
 from lab.gateway import free_port
 from openrtu_tools.cli import TOOLS
+from packaged import alone
 from test_version import VERSION
 
 pytestmark = pytest.mark.slow
@@ -48,10 +49,11 @@ def tools(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def wheels() -> list[Path]:
     quiet = {name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))}
-    done = subprocess.run(
-        ["make", "wheels"], cwd=ROOT, env=quiet, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
+    with alone("wheels"):
+        done = subprocess.run(
+            ["make", "wheels"], cwd=ROOT, env=quiet, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
     return sorted((ROOT / "build/wheels").glob("*.whl"))
 
 
