@@ -63,7 +63,7 @@ class DebianRoot:
                 process.terminate()
 
     def files(self) -> set[str]:
-        """All that is no folder, but what dpkg, apt and the tests keep for themselves."""
+        """All that is no folder, but what dpkg, apt, a running system and the tests keep."""
         own = (
             "var/lib/dpkg/",
             "var/lib/apt/",
@@ -71,6 +71,7 @@ class DebianRoot:
             "var/log/",
             "dev/",
             "proc/",
+            "run/",
             "srv/",
             "running.log",
         )
