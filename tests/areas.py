@@ -139,7 +139,7 @@ REACH = [
         "scripts/openrtu_tools/logic/*",
         f"{PIP} tests/test_logic*.py tests/test_plant.py tests/test_retained.py tests/test_show.py"
         " tests/test_reload_settings.py tests/test_synch.py tests/test_docs_commands.py"
-        " tests/test_event_journal.py",
+        " tests/test_event_journal.py tests/test_many_modules.py",
     ),
     ("scripts/block-plots.py", "lint tests/test_logic_blocks.py"),
     ("scripts/openrtu_tools/points.py", f"{PIP} tests/test_points.py tests/test_config.py"),

@@ -109,6 +109,12 @@ uint32_t map_command_timeout_s(const struct map *map)
 	return 10;
 }
 
+uint32_t map_select_timeout_s(const struct map *map)
+{
+	(void)map;
+	return 10;
+}
+
 bool map_command_read(const struct map *map, uint32_t point, struct map_command *out)
 {
 	(void)map;
