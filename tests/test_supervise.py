@@ -632,7 +632,7 @@ def test_program_that_is_not_there_costs_its_points_alone(gateway: Gateway, prog
     missing = [name for name in (STATION, *LINES) if (name == STATION) == (program == "rtu-iec104")]
     with rtud(gateway, args=command(gateway, modules=modules)) as process:
         for name in missing:
-            said = f"the gateway runs without {name}: there is no program {program} in {modules}"
+            said = f"runs without {name}: there is no {program} in {modules}"
             gateway.wait_for(lambda said=said: said in gateway.log(), 60.0, said)
         gateway.wait_for(
             lambda: all(

@@ -43,6 +43,8 @@ static void take(const struct goose_message *message)
 	struct goose_subscriber subscriber;
 	enum goose_verdict first;
 
+	if (memchr(message->control.at, '\0', message->control.size) != NULL)
+		return; /* nobody can subscribe to such a name */
 	memcpy(subscription.stream.destination, message->address.destination,
 	       sizeof(message->address.destination));
 	memcpy(subscription.stream.control, message->control.at, message->control.size);

@@ -84,13 +84,15 @@ static bool check_room(struct config_loader *loader, void *own)
 	const struct config_place place = config_key_of(&file, file_rule.name);
 	const struct journal_settings *journal = journal_settings(loader->config);
 	const uint32_t values = map_record_count(loader->config, MAP_RETAINED);
-	uint32_t points = 0;
+	uint32_t points = 0, modules = loader->config->module_count + MAP_GONE_MAX;
 
 	(void)own;
+	if (modules > MAP_MODULES_MAX)
+		modules = MAP_MODULES_MAX;
 	for (uint32_t i = 0; i < loader->config->point_count; i++)
 		points += (loader->config->points[i].flags & MAP_POINT_RETAIN) != 0;
 	if (journal != NULL && points + values != 0 &&
-	    JOURNAL_QUEUES_SIZE + (points + values) * JOURNAL_EVENT_SIZE >
+	    JOURNAL_QUEUES_OF(modules) + (points + values) * JOURNAL_EVENT_SIZE >
 		journal_record_max(journal) / 4 * 3)
 		config_error(
 		    &loader->report, &place,

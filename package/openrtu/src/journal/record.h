@@ -45,10 +45,10 @@
 #define JOURNAL_READER_PART  16u
 #define JOURNAL_ENTRY        0x83u
 #define JOURNAL_VALUE        0x84u
-/* Of a record without events; less than a quarter of the smallest file. */
-#define JOURNAL_QUEUES_SIZE                                                                                  \
-	(JOURNAL_HEAD_SIZE + JOURNAL_RECORD_LEAST +                                                          \
-	 MAP_QUEUES * (2u + MAP_ADDRESS_SIZE + MAP_MODULES_MAX * 4u))
+/* Of a record without events, with so many modules; of the most, less than a quarter of the smallest file. */
+#define JOURNAL_QUEUES_OF(modules)                                                                           \
+	(JOURNAL_HEAD_SIZE + JOURNAL_RECORD_LEAST + MAP_QUEUES * (2u + MAP_ADDRESS_SIZE + (modules)*4u))
+#define JOURNAL_QUEUES_SIZE JOURNAL_QUEUES_OF(MAP_MODULES_MAX)
 
 enum journal_queue_kind { JOURNAL_GROUP, JOURNAL_ADDRESS };
 

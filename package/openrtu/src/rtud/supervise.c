@@ -597,8 +597,7 @@ static bool look_for_programs(const struct supervisor *supervisor)
 		if (programs_look_for(supervisor->options->modules, run.program->name))
 			continue;
 		missing++;
-		map_log(supervisor->map, MAP_LOG_ERROR,
-			"the gateway runs without %s: there is no program %s in %s", module.name,
+		map_log(supervisor->map, MAP_LOG_ERROR, "runs without %s: there is no %s in %s", module.name,
 			run.program->name, supervisor->options->modules);
 	}
 	return missing == 0 || missing < wanted;
