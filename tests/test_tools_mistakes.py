@@ -2,6 +2,7 @@
 """What `openrtu` says of files and words that it cannot use: one line, exit code 2, nothing written."""
 
 import json
+import os
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -101,6 +102,9 @@ def test_snmp_of_another_shape(
     [
         (("--engine-id", "xx"), '"xx" is no engine ID, 5 to 32 octets in hexadecimal'),
         (("--engine-id", ""), '"" is no engine ID'),
+        (("--engine-id", "00" * 12), "not all 00 or ff"),
+        (("--engine-id", "ff" * 5), "not all 00 or ff"),
+        (("--engine-id", "80" * 33), "5 to 32 octets"),
         (("--sink", "nms"), '"nms" is not NAME=ID'),
         (("--sink", "nms=80"), '"80" is no engine ID'),
     ],
@@ -120,6 +124,39 @@ def test_nobody_is_there_to_answer(tmp_path: Path) -> None:
     )  # fmt: skip
     assert done.returncode == 2
     assert done.stderr.endswith("openrtu snmp-keys: the input ended before all was answered\n")
+
+
+@pytest.mark.parametrize(
+    ("typed", "code", "says"),
+    [
+        (["maplesyrup", "maplesyrup", "pancakes", "pancakes"], 0, "keys goes to the gateway"),
+        (["maplesyrup", "maplesirup"], 2, "the two pass phrases of authentication differ; nothing is written"),
+    ],
+)
+def test_a_slip_in_a_pass_phrase_is_seen(tmp_path: Path, typed: list[str], code: int, says: str) -> None:
+    """At a terminal, which shows nothing of it."""
+    (tmp_path / "gateway.json").write_text(json.dumps({"snmp": {"users": [{"name": "ems"}]}}))
+    ours, theirs = os.openpty()
+    command = ["setsid", "--ctty", "--wait", OPENRTU, "snmp-keys", "gateway.json", "keys"]
+    with subprocess.Popen(command, cwd=tmp_path, stdin=theirs, stdout=theirs, stderr=theirs) as process:
+        os.close(theirs)
+        shown = ""
+        for phrase in typed:
+            shown = read_until(ours, shown, ": ")
+            os.write(ours, f"{phrase}\n".encode())
+        shown = read_until(ours, shown, says)
+    os.close(ours)
+    assert process.returncode == code
+    assert (tmp_path / "keys").exists() == (code == 0)
+    assert not any(phrase in shown for phrase in typed)
+
+
+def read_until(terminal: int, before: str, wanted: str) -> str:
+    """What it shows, with what it showed before, until this comes newly."""
+    shown = ""
+    while wanted not in shown:
+        shown += os.read(terminal, 4096).decode()
+    return before + shown
 
 
 @pytest.mark.parametrize("goose", [3, {"publish": [3]}, {"publish": [{"name": "trip"}]}])

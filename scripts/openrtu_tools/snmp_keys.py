@@ -86,13 +86,18 @@ def read_passphrases(path: Path) -> dict[str, Passphrases]:
     return found
 
 
+def asked(user: str, purpose: str) -> str:
+    """Twice, as nobody sees what is typed: a slip would lock the user out of the gateway."""
+    first = getpass.getpass(f"{user}: pass phrase of {purpose}: ")
+    if getpass.getpass(f"{user}: the same once more: ") != first:
+        raise KeysError(f"{user}: the two pass phrases of {purpose} differ; nothing is written")
+    return first
+
+
 def passphrases_of(user: str, known: dict[str, Passphrases]) -> Passphrases:
     """From the file, or else from the terminal."""
     if user not in known:
-        known[user] = Passphrases(
-            getpass.getpass(f"{user}: pass phrase of authentication: "),
-            getpass.getpass(f"{user}: pass phrase of encryption: "),
-        )
+        known[user] = Passphrases(asked(user, "authentication"), asked(user, "encryption"))
     if min(len(known[user].authentication), len(known[user].encryption)) < SHORTEST:
         raise KeysError(f"{user}: a pass phrase has fewer than {SHORTEST} characters")
     return known[user]
@@ -132,8 +137,10 @@ def engine_id(text: str) -> bytes:
         octets = bytes.fromhex(text)
     except ValueError:
         octets = b""
-    if not 5 <= len(octets) <= 32:
-        raise argparse.ArgumentTypeError(f'"{text}" is no engine ID, 5 to 32 octets in hexadecimal')
+    if not 5 <= len(octets) <= 32 or set(octets) in ({0}, {0xFF}):
+        raise argparse.ArgumentTypeError(
+            f'"{text}" is no engine ID, 5 to 32 octets in hexadecimal, not all 00 or ff'
+        )
     return octets
 
 
