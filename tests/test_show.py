@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import psutil
 import pytest
 
 from lab.gateway import free_port
@@ -143,6 +144,8 @@ def test_keep_stays_up_for_the_users_own_master(start: Start) -> None:
             break
     else:
         pytest.fail(f"it ended instead: {show.communicate()}")
+    ours = psutil.Process(show.pid).net_connections("tcp4")
+    assert [each for each in ours if each.raddr and each.raddr.port == port] == []  # its master has left
     with Master("127.0.0.1", port) as master:
         assert len(master.interrogate(3067)) == 13
     commands = [line.strip() for line in printed if line.startswith("  scripts/")]

@@ -57,6 +57,7 @@ from lab.show import (
     limit_reloaded,
     logic,
     managed_by_snmp,
+    mastered,
     name_level,
     operated_by_iec61850,
     position,
@@ -64,7 +65,6 @@ from lab.show import (
     running,
     say,
     start_lines,
-    start_master,
     table,
     typed,
 )
@@ -270,14 +270,14 @@ def show(port: int, keep: bool, image: Image, verdict: Verdict) -> None:
         config, files = furnished(directory, snmp)
         files[snmp["keys"]] = managed.keys_of(folder).read_bytes()
         board = start_board(stack, directory, ways, config, files, image, verdict)
-        master = start_master(stack, board, verdict)
-        desk = BoardDesk(lines, board, master, management, ways.iec61850)
-        run_steps(desk, BOARD_STEPS, verdict)
+        with mastered(board, verdict) as master:
+            desk = BoardDesk(lines, board, master, management, ways.iec61850)
+            run_steps(desk, BOARD_STEPS, verdict)
         trouble = TROUBLE.findall((directory / "console.log").read_text(errors="replace"))
         check(not trouble, f"the kernel reported: {'; '.join(trouble)}")
         say(f"It took {time.monotonic() - begin:.0f} s.")
         if keep:
-            keep_up(desk)
+            keep_up(board, lines)
 
 
 def main() -> int:

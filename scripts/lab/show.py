@@ -18,7 +18,7 @@ import signal
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -658,14 +658,16 @@ def running(gateway: Rtu) -> list[str]:
     return [f"{name} (pid {module['pid']})" for name, module in gateway.modules().items() if module["pid"]]
 
 
-def start_master(stack: contextlib.ExitStack, gateway: Rtu, verdict: Verdict) -> Master:
+@contextlib.contextmanager
+def mastered(gateway: Rtu, verdict: Verdict) -> Iterator[Master]:
+    """A master for the steps alone: c104 can end its process when others take its connections from it."""
     gateway.check_ours()
-    master = stack.enter_context(Master(*gateway.address))
-    verdict.sources["the last reports"] = lambda: "\n".join(map(str, master.reports_since(0)[-100:]))
-    master.synchronise_clock(STATION)
-    host, port = gateway.address
-    say(f"   * a master of another make (c104, lib60870) on {host}:{port}; clock synchronised")
-    return master
+    with Master(*gateway.address) as master:
+        verdict.sources["the last reports"] = lambda: "\n".join(map(str, master.reports_since(0)[-100:]))
+        master.synchronise_clock(STATION)
+        host, port = gateway.address
+        say(f"   * a master of another make (c104, lib60870) on {host}:{port}; clock synchronised")
+        yield master
 
 
 def all_read(gateway: Rtu) -> bool:
@@ -687,8 +689,8 @@ def run_steps(desk: Desk, steps: Sequence[Step], verdict: Verdict) -> None:
     say(f"All {len(steps)} steps succeeded.")
 
 
-def keep_up(desk: Desk) -> None:
-    host, port = desk.gateway.address
+def keep_up(gateway: Rtu, lines: LineSim) -> None:
+    host, port = gateway.address
     say()
     say(f"The gateway stays up: a controlled station on {host}:{port}.")
     say("In another terminal:")
@@ -702,7 +704,7 @@ def keep_up(desk: Desk) -> None:
     stopped = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopped.set())
-    with kept.known(port, desk.gateway, desk.lines):
+    with kept.known(port, gateway, lines):
         stopped.wait()
 
 
@@ -728,11 +730,11 @@ def show(port: int, keep: bool, verdict: Verdict) -> None:
         lines = start_lines(stack, directory, config_file, verdict)
         management = stack.enter_context(managed.managed(folder, config["snmp"], snmp_port))
         gateway = start_gateway(stack, directory, config, verdict)
-        master = start_master(stack, gateway, verdict)
-        desk = ServedDesk(lines, gateway, master, management, config["iec61850"]["port"])
-        run_steps(desk, NATIVE_STEPS, verdict)
+        with mastered(gateway, verdict) as master:
+            desk = ServedDesk(lines, gateway, master, management, config["iec61850"]["port"])
+            run_steps(desk, NATIVE_STEPS, verdict)
         if keep:
-            keep_up(desk)
+            keep_up(gateway, lines)
 
 
 def main() -> int:
