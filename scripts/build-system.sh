@@ -3,8 +3,8 @@
 # build-system.sh FOLDER GATEWAY [FRAGMENT...]: the image for a board from Debian's packages, of what `make image-debian` made in
 # build. GATEWAY is what it has of build/root: gateway, or gateway-tls with OpenSSL, Net-SNMP and libmicrohttpd. It is the kernel of build/linux, which has these fragments, once more with the root file system inside.
 #
-# FOLDER gets uImage, nuc980-BOARD.dtb and manifest.json; FOLDER.parts the root file system and the licences of what is
-# in it. SITE_SETTINGS in the environment names a folder with the settings of a site; with "update.pem" there the image
+# FOLDER gets uImage, nuc980-BOARD.dtb and manifest.json, FOLDER.cdx.json is its bill of materials; FOLDER.parts the root file
+# system and the licences of what is in it. SITE_SETTINGS in the environment names a folder with the settings of a site; with "update.pem" there the image
 # takes updates, with "update-server" it fetches them. NUC980_BOARD names the board, if it is not the gateway.
 set -euo pipefail
 
@@ -128,3 +128,4 @@ if ! [[ -e $folder.inputs && $(inputs) == "$(<"$folder.inputs")" ]]; then
 fi
 image_tool manifest --images "$folder" --versions "$parts/versions" --target "$parts/root" \
 	--limits "$limits" --out "$folder/manifest.json"
+image_tool bill "$folder/manifest.json" "$folder.cdx.json" "${sources[@]}"

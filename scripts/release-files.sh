@@ -25,8 +25,8 @@ parts=(
 	"apt|$debs|$make_debs"
 	"containers|containers/*.oci.tar containers/compose.yaml|make containers"
 	"pages|pages/html|make site"
-	"gateway|system/uImage system/nuc980-gateway.dtb system/manifest.json|make image-debian"
-	"numaker|boards/numaker/system/uImage boards/numaker/system/nuc980-numaker.dtb boards/numaker/system/manifest.json|make image-debian BOARD=numaker"
+	"gateway|system/uImage system/nuc980-gateway.dtb system/manifest.json system.cdx.json|make image-debian"
+	"numaker|boards/numaker/system/uImage boards/numaker/system/nuc980-numaker.dtb boards/numaker/system/manifest.json boards/numaker/system.cdx.json|make image-debian BOARD=numaker"
 	"buildroot|nuc980_*|make image-buildroot sbom" # as they are: they take hours, and Buildroot's servers
 )
 all=$(for part in "${parts[@]}"; do echo "${part%%|*}"; done | tr '\n' ' ')

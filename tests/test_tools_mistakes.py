@@ -130,7 +130,11 @@ def test_nobody_is_there_to_answer(tmp_path: Path) -> None:
     ("typed", "code", "says"),
     [
         (["maplesyrup", "maplesyrup", "pancakes", "pancakes"], 0, "keys goes to the gateway"),
-        (["maplesyrup", "maplesirup"], 2, "the two pass phrases of authentication differ; nothing is written"),
+        (
+            ["maplesyrup", "maplesirup"],
+            2,
+            "two pass phrases of authentication differ; nothing is written",
+        ),
     ],
 )
 def test_a_slip_in_a_pass_phrase_is_seen(tmp_path: Path, typed: list[str], code: int, says: str) -> None:
