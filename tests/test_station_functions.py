@@ -465,6 +465,36 @@ def test_commands_are_dated_in_the_zone(berlin: Substation) -> None:
                 assert master.answer(C_SC_TA).cause == ACT_TERM
 
 
+def test_log_says_why_and_what_takes_it(berlin: Substation) -> None:
+    """A control centre that leaves the bit 0 is refused all summer."""
+    with RawMaster(*berlin.gateway.address) as master:
+        master.request(C_CS, STATION, 0, local(2035, 7, 15, 12, 10, summer=False))
+        assert master.answer(C_CS).cause == ACT_CON | NEGATIVE
+    assert "refuses a time: its bit SU is not that of timezone; see ignore_summer_bit" in berlin.gateway.log()
+
+
+def test_a_master_without_the_summer_bit_is_taken_by_its_key(programs: Path) -> None:
+    """In the hour that comes twice, the time is the one that is nearer to the gateway's clock."""
+    config = chapter_5() | {"timezone": "CET-1CEST,M3.5.0,M10.5.0/3", "iec104": {"ignore_summer_bit": True}}
+    with substation_of(config, programs) as substation, RawMaster(*substation.gateway.address) as master:
+
+        def set_clock(when: bytes) -> None:
+            master.request(C_CS, STATION, 0, when)
+            assert master.answer(C_CS).cause == ACT_CON
+
+        july = local(2035, 7, 15, 12, 10, summer=False)
+        set_clock(july)
+        master.request(C_SC_TA, STATION, 4, b"\x01" + july)
+        assert [master.answer(C_SC_TA).cause for _ in range(2)] == [ACT_CON, ACT_TERM]
+        assert tag_of_an_event(substation, master, 4001)[3] == 12 | SU
+        set_clock(local(2035, 10, 28, 1, 50, summer=False))
+        set_clock(local(2035, 10, 28, 2, 10, summer=False))
+        assert tag_of_an_event(substation, master, 4002)[3] == 2 | SU
+        set_clock(local(2035, 10, 28, 3, 5, summer=False))
+        set_clock(local(2035, 10, 28, 2, 50, summer=False))
+        assert tag_of_an_event(substation, master, 4003)[3] == 2
+
+
 def test_utc_knows_no_summer_time(master: RawMaster) -> None:
     master.request(C_CS, METER_CA, 0, SUMMER)
     assert master.answer(C_CS).cause == ACT_CON | NEGATIVE

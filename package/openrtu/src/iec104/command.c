@@ -79,13 +79,29 @@ static bool takes_unknown_age(struct iec104_station *station, const struct iec10
 	return false;
 }
 
-/* All summer long nothing else would tell a control centre that leaves the bit 0 from one that is refused for its age. */
-void iec104_say_season(struct iec104_station *station, const struct iec104_received *received,
-		       const uint8_t *time)
+/* Of two times it takes the nearer one; while the clock was never set, the one of standard time. */
+static bool take_without_season(const struct iec104_station *station, const struct iec104_received *received,
+				const uint8_t *time, int64_t *wall_ns)
 {
-	if (iec104_time56_lacks_season(time, &station->config->settings.zone))
+	struct map_clock clock = map_clock_read(station->map);
+
+	return iec104_time56_decode_nearest(time, &station->config->settings.zone,
+					    clock.set ? received->now_ns + clock.offset_ns : INT64_MAX / 2,
+					    wall_ns);
+}
+
+/* All summer long nothing else would tell a control centre that leaves the bit 0 from one that is refused for its age. */
+bool iec104_take_time(struct iec104_station *station, const struct iec104_received *received,
+		      const uint8_t *time, int64_t *wall_ns)
+{
+	const struct map_zone *zone = &station->config->settings.zone;
+
+	if (station->settings->ignore_summer_bit)
+		return take_without_season(station, received, time, wall_ns);
+	if (iec104_time56_lacks_season(time, zone))
 		iec104_log(station, MAP_LOG_WARNING, received->connection->peer,
-			   "a time is refused: its bit SU (summer time) is not that of timezone");
+			   "refuses a time: its bit SU is not that of timezone; see ignore_summer_bit");
+	return iec104_time56_decode(time, zone, wall_ns);
 }
 
 static bool time_tag_is_recent(struct iec104_station *station, const struct iec104_received *received,
@@ -95,10 +111,8 @@ static bool time_tag_is_recent(struct iec104_station *station, const struct iec1
 	int64_t limit_ns = station->config->settings.command_timeout_s * NS_PER_S;
 	int64_t wall_ns, age_ns;
 
-	if (!iec104_time56_decode(command->time, &station->config->settings.zone, &wall_ns)) {
-		iec104_say_season(station, received, command->time);
+	if (!iec104_take_time(station, received, command->time, &wall_ns))
 		return false;
-	}
 	if (!clock.set)
 		return takes_unknown_age(station, received);
 	age_ns = received->now_ns + clock.offset_ns - wall_ns;

@@ -34,6 +34,7 @@ struct iec104_settings {
 	uint16_t own_set;           /* its place among the sets */
 	uint8_t clock_master_count; /* 0: every master may set the clock */
 	bool command_without_clock; /* takes a time tag whose age nobody knows */
+	bool ignore_summer_bit;     /* of times that a controlling station sends */
 	uint8_t position_type;      /* the private type of positions */
 	char clock_masters[IEC104_CLOCK_MASTERS_MAX][MAP_ADDRESS_SIZE];
 	uint32_t master_count; /* 0: everybody may connect */

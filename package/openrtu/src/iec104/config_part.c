@@ -39,6 +39,7 @@ enum {
 	IEC104_CLOCK_MASTERS,
 	IEC104_OWN_CA,
 	IEC104_POSITION_TYPE,
+	IEC104_IGNORE_SUMMER_BIT,
 	IEC104_KEYS
 };
 static const struct config_rule iec104_rules[IEC104_KEYS] = {
@@ -58,6 +59,7 @@ static const struct config_rule iec104_rules[IEC104_KEYS] = {
     [IEC104_OWN_CA] = {"own_ca", CONFIG_INTEGER, .low = 1, .high = 65534},
     [IEC104_POSITION_TYPE] = {"position_type", CONFIG_INTEGER, .low = IEC104_PRIVATE_FIRST,
 			      .high = IEC104_PRIVATE_LAST, .fallback = IEC104_GEOPOSITION},
+    [IEC104_IGNORE_SUMMER_BIT] = {"ignore_summer_bit", CONFIG_BOOLEAN},
 };
 
 /* IEC 60870-5-104, 5.5: w should not exceed two thirds of k; more than k would never be reached. */
@@ -143,6 +145,7 @@ static void read_settings(struct config_loader *loader, const struct config_plac
 	take_timeout(loader, place, values, IEC104_SELECT_TIMEOUT, &all->select_timeout_s);
 	take_timeout(loader, place, values, IEC104_COMMAND_TIMEOUT, &all->command_timeout_s);
 	settings->command_without_clock = values[IEC104_COMMAND_WITHOUT_CLOCK].integer != 0;
+	settings->ignore_summer_bit = values[IEC104_IGNORE_SUMMER_BIT].integer != 0;
 	settings->own_ca = (uint16_t)values[IEC104_OWN_CA].integer;
 	settings->position_type = (uint8_t)values[IEC104_POSITION_TYPE].integer;
 	if (!values[IEC104_ADDRESS].wrong)

@@ -30,9 +30,7 @@ static void take_clock(struct iec104_station *station, const struct iec104_recei
 		iec104_confirm(received, true);
 		return;
 	}
-	if (!iec104_time56_decode(received->asdu.objects + IEC104_IOA_SIZE, &station->config->settings.zone,
-				  &wall_ns)) {
-		iec104_say_season(station, received, received->asdu.objects + IEC104_IOA_SIZE);
+	if (!iec104_take_time(station, received, received->asdu.objects + IEC104_IOA_SIZE, &wall_ns)) {
 		iec104_confirm(received, true);
 		return;
 	}

@@ -281,9 +281,9 @@ bool iec104_advance_procedure(const struct iec104_station *station, struct iec10
  */
 void iec104_mirror(struct iec104_connection *connection, const uint8_t *asdu, size_t size,
 		   enum iec104_cause cause, bool negative);
-/* Says in the log that a time was refused for its SU bit, if it was. */
-void iec104_say_season(struct iec104_station *station, const struct iec104_received *received,
-		       const uint8_t *time);
+/* A controlling station's time, in ns since 1970. False: it is none, or refused for its SU bit, as the log says. */
+bool iec104_take_time(struct iec104_station *station, const struct iec104_received *received,
+		      const uint8_t *time, int64_t *wall_ns);
 /* The same of what was received, with P/N = 1; and its confirmation, of an activation or a deactivation. */
 void iec104_refuse(const struct iec104_received *received, enum iec104_cause cause);
 void iec104_confirm(const struct iec104_received *received, bool negative);

@@ -197,6 +197,29 @@ static void test_wrong_summer_bit(void **state)
 	assert_false(iec104_time56_decode(wrong[0], &kathmandu, &wall_ns));
 }
 
+/* 2026-10-25 02:30 is 00:30 UTC in summer time and 01:30 UTC behind it. */
+static void test_without_the_summer_bit(void **state)
+{
+	static const uint8_t july[7] = {0, 0, 0, 13, 19, 7, 25}, twice[7] = {0, 0, 30, 2, 25, 10, 26};
+	static const uint8_t never[7] = {0, 0, 30, 2, 29, 3, 26},
+			     february[7] = {0, 0, 0, 0x80 | 13, 19, 2, 25};
+	const int64_t s = 1000 * NS_PER_MS, summer = 1792888200 * s, winter = summer + 3600 * s;
+	int64_t wall_ns;
+
+	(void)state;
+	assert_true(iec104_time56_decode_nearest(july, &berlin, 0, &wall_ns));
+	assert_true(wall_ns == 1752922800 * s); /* 11:00 UTC */
+	assert_true(iec104_time56_decode_nearest(february, &berlin, 0, &wall_ns));
+	assert_true(wall_ns == 1739966400 * s); /* 12:00 UTC */
+	assert_true(iec104_time56_decode_nearest(twice, &berlin, summer + 2 * s, &wall_ns));
+	assert_true(wall_ns == summer);
+	assert_true(iec104_time56_decode_nearest(twice, &berlin, winter - 2 * s, &wall_ns));
+	assert_true(wall_ns == winter);
+	assert_true(iec104_time56_decode_nearest(twice, &berlin, INT64_MAX / 2, &wall_ns));
+	assert_true(wall_ns == winter);
+	assert_false(iec104_time56_decode_nearest(never, &berlin, summer, &wall_ns));
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -204,7 +227,7 @@ int main(void)
 	    cmocka_unit_test(test_invalid_bit),      cmocka_unit_test(test_outside_the_century),
 	    cmocka_unit_test(test_no_such_time),     cmocka_unit_test(test_bits_that_do_not_count),
 	    cmocka_unit_test(test_zone_borders),     cmocka_unit_test(test_every_half_hour_in_zones),
-	    cmocka_unit_test(test_wrong_summer_bit),
+	    cmocka_unit_test(test_wrong_summer_bit), cmocka_unit_test(test_without_the_summer_bit),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

@@ -113,6 +113,25 @@ bool iec104_time56_decode(const uint8_t octets[IEC104_TIME56_SIZE], const struct
 	return is_summer(zone, time_s + ms / MS_PER_S) == summer;
 }
 
+bool iec104_time56_decode_nearest(const uint8_t octets[IEC104_TIME56_SIZE], const struct map_zone *zone,
+				  int64_t near_ns, int64_t *wall_ns)
+{
+	uint8_t winter[IEC104_TIME56_SIZE], summer[IEC104_TIME56_SIZE];
+	int64_t winter_ns, summer_ns;
+	bool in_winter, in_summer;
+
+	memcpy(winter, octets, sizeof(winter));
+	memcpy(summer, octets, sizeof(summer));
+	winter[3] &= (uint8_t)~SU_BIT;
+	summer[3] |= SU_BIT;
+	in_winter = iec104_time56_decode(winter, zone, &winter_ns);
+	in_summer = iec104_time56_decode(summer, zone, &summer_ns);
+	if (in_winter && in_summer) /* summer's is the earlier one */
+		in_summer = near_ns - summer_ns < winter_ns - near_ns;
+	*wall_ns = in_summer ? summer_ns : winter_ns;
+	return in_winter || in_summer;
+}
+
 bool iec104_time56_lacks_season(const uint8_t octets[IEC104_TIME56_SIZE], const struct map_zone *zone)
 {
 	uint8_t other[IEC104_TIME56_SIZE];

@@ -27,6 +27,12 @@ void iec104_time56_encode(uint8_t octets[IEC104_TIME56_SIZE], int64_t wall_ns, b
  */
 bool iec104_time56_decode(const uint8_t octets[IEC104_TIME56_SIZE], const struct map_zone *zone,
 			  int64_t *wall_ns);
+/*
+ * The same without its SU bit, which some never set: by the zone, and where that knows two such times the one that is
+ * nearer to near_ns. False: the IV bit is set, or there is no such time.
+ */
+bool iec104_time56_decode_nearest(const uint8_t octets[IEC104_TIME56_SIZE], const struct map_zone *zone,
+				  int64_t near_ns, int64_t *wall_ns);
 /* What was not decoded would be, with the other SU bit: its sender does not set it, or has another zone. */
 bool iec104_time56_lacks_season(const uint8_t octets[IEC104_TIME56_SIZE], const struct map_zone *zone);
 

@@ -122,6 +122,7 @@ static void test_settings_defaults(void **state)
 	assert_int_equal(settings->max_connections, 8);
 	assert_int_equal(settings->connections_per_address, 4);
 	assert_false(settings->command_without_clock);
+	assert_false(settings->ignore_summer_bit);
 	assert_int_equal(config.settings.select_timeout_s, 30);
 	assert_int_equal(config.settings.command_timeout_s, 10);
 	assert_int_equal(config.settings.clock, MAP_CLOCK_GATEWAY);
@@ -163,7 +164,7 @@ static void test_settings(void **state)
 	struct map_config config = load(
 	    "{'port': [], 'iec104': {'address': '::1', 'port': 2405, 'k': 6, 'w': 4, 't1': 9,"
 	    "'t2': 5, 't3': 172800, 'max_connections': 5, 'connections_per_address': 5, 'select_timeout': 7, "
-	    "'command_timeout': 8, 'command_without_clock': true,"
+	    "'command_timeout': 8, 'command_without_clock': true, 'ignore_summer_bit': true,"
 	    "'clock_masters': ['192.0.2.1', '2001:db8::1']}, 'clock': 'system',"
 	    "'modbus': {'priority': 0, 'heartbeat_limit_ms': 2500}, 'event_ring': 64}");
 	const struct iec104_settings *settings = iec104_settings(&config);
@@ -179,6 +180,7 @@ static void test_settings(void **state)
 	assert_int_equal(settings->max_connections, 5);
 	assert_int_equal(settings->connections_per_address, 5);
 	assert_true(settings->command_without_clock);
+	assert_true(settings->ignore_summer_bit);
 	assert_int_equal(config.settings.select_timeout_s, 7);
 	assert_int_equal(config.settings.command_timeout_s, 8);
 	assert_int_equal(config.settings.clock, MAP_CLOCK_SYSTEM);
