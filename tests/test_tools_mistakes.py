@@ -3,6 +3,7 @@
 
 import json
 import os
+import shlex
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -180,7 +181,7 @@ def test_a_pipe_that_ends_is_no_traceback(tmp_path: Path) -> None:
     (tmp_path / "points.csv").write_text(HEAD)
     (tmp_path / "lines.json").write_text(json.dumps({"port": [{"value": n} for n in range(50_000)]}))
     done = subprocess.run(
-        ["bash", "-c", f"{OPENRTU} points points.csv --lines lines.json | head -n 1"],
+        ["bash", "-c", f"{shlex.quote(str(OPENRTU))} points points.csv --lines lines.json | head -n 1"],
         cwd=tmp_path, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert (done.stdout, done.stderr) == ("{\n", "")

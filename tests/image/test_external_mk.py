@@ -35,7 +35,8 @@ BUSYBOX = "/bin/busybox f 4755 0 0"
     ids=["another board", "our gateway", "another's patch", "ours", "and an overlay more", "without RT"],
 )
 def test_for_our_boards_alone(tmp_path: Path, config: str, said: str) -> None:
-    external = ROOT / "br2-external"
+    external = tmp_path / "br2-external"  # make includes no path with a space
+    external.symlink_to(ROOT / "br2-external")
     makefile = tmp_path / "Makefile"
     names = f"BR2_EXTERNAL_OPENRTU_PATH = {external}\n"
     makefile.write_text(f"{names}{config}{BEFORE}all: print\ninclude {external}/external.mk\n{PRINT}")

@@ -40,7 +40,8 @@ static bool read_boots(int folder, uint32_t *boots)
 
 /*
  * Of a file that was lost nobody knows what it held, and time must not begin anew for whoever has kept old messages (RFC 3414,
- * 2.2.2). Seconds since 2020 are more than each number that was counted from 1, and than such seconds before. 0: the clock is not set.
+ * 2.2.2). Seconds since 2020 are more than each number that was counted from 1, and than such seconds before. 0: the clock is not set,
+ * as at a board's first start.
  */
 static uint32_t boots_by_clock(void)
 {
@@ -49,19 +50,12 @@ static uint32_t boots_by_clock(void)
 	return now_s <= SECONDS_TO_2020 ? 0 : (uint32_t)(now_s - SECONDS_TO_2020);
 }
 
-static bool begin_boots(struct map *map, const char *path, uint32_t *boots)
+static void begin_boots(struct map *map, const char *path, uint32_t *boots)
 {
 	*boots = boots_by_clock();
-	if (*boots == 0)
-		map_log(map, MAP_LOG_ERROR,
-			"%s/" FILE_NAME
-			" is not there, and the clock that would say a number is not set: set it, or "
-			"write the number 1 there if these keys have never been used",
-			path);
-	else
-		map_log(map, MAP_LOG_WARNING,
-			"%s/" FILE_NAME " is not there: it begins with %u, by the clock", path, *boots + 1);
-	return *boots != 0;
+	map_log(map, MAP_LOG_WARNING, "%s/" FILE_NAME " is not there: it begins with %u, %s", path,
+		*boots + 1,
+		*boots != 0 ? "by the clock" : "as the clock is not set; if it was lost, make new keys");
 }
 
 /* Beside the old one, which stays whole until the new one is. */
@@ -99,8 +93,11 @@ bool engine_count_boot(struct map *map, const char *path, uint32_t *boots)
 		map_log(map, MAP_LOG_ERROR,
 			"%s/" FILE_NAME " is damaged: give the gateway another engine ID and keys, remove it",
 			path);
-	else if (*boots != 0 || begin_boots(map, path, boots))
+	else {
+		if (*boots == 0)
+			begin_boots(map, path, boots);
 		good = keep_boots(map, folder, path, ++*boots);
+	}
 	if (folder >= 0)
 		close(folder);
 	return good;
