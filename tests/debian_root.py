@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A minimal Debian of one's own, to install packages into: scripts/private-root.sh. It needs root."""
 
-import os
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import pytest
-
 from packaged import alone
+from rights import SUPERUSER, needed
 
 ROOT = Path(__file__).resolve().parent.parent
 TAR = ROOT / "build/debian-root.tar"
@@ -29,9 +27,7 @@ shift 2
 exec env --ignore-environment PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin \\
   DEBIAN_FRONTEND=noninteractive LC_ALL=C.UTF-8 HOME=/ chroot "$root" "$@"
 """
-NEEDS_ROOT = pytest.mark.skipif(
-    os.geteuid() != 0, reason="only root can install packages into a root of Debian"
-)
+NEEDS_ROOT = needed(SUPERUSER, "only root can install packages into a root of Debian")
 
 
 class DebianRoot:

@@ -12,11 +12,10 @@ import pytest
 
 import containers
 from containers import ROOT, Container
+from rights import SUPERUSER, needed
 
 pytestmark = pytest.mark.slow
-NEEDS_ROOT = pytest.mark.skipif(
-    os.geteuid() != 0, reason="only root enters another root, as a container does"
-)
+NEEDS_ROOT = needed(SUPERUSER, "only root enters another root, as a container does")
 GATEWAY = containers.compose()["services"]["gateway"]
 FILES = {containers.MADE / f"show/{name}": f"/etc/openrtu/{name}" for name in ("gateway.json", "values.json")}
 UID_BASE = 61200

@@ -225,7 +225,7 @@ def denied(gateway: Gateway, path: str, user: int) -> str:
     return next(line for line in gateway.log(1000).splitlines() if "its group" in line)
 
 
-@pytest.mark.skipif(os.geteuid() != 0, reason="a port is given to a group by root")
+@needed(SUPERUSER, "a port is given to a group by root")
 @pytest.mark.parametrize("group", GROUPS, ids=("another", "dialout"))
 def test_a_port_that_is_denied_names_its_group(gateway: Gateway, group: grp.struct_group) -> None:
     with serial_port(group.gr_gid, 0o660) as path:
@@ -234,13 +234,13 @@ def test_a_port_that_is_denied_names_its_group(gateway: Gateway, group: grp.stru
         assert denied(gateway, path, ACCOUNT).endswith(advice)
 
 
-@pytest.mark.skipif(os.geteuid() != 0, reason="a port is given to a group by root")
+@needed(SUPERUSER, "a port is given to a group by root")
 def test_nobody_is_told_to_join_the_group_of_root(gateway: Gateway) -> None:
     with serial_port(0, 0o660) as path:
         assert denied(gateway, path, ACCOUNT).endswith(f": its group is root: sudo chgrp dialout {path}")
 
 
-@pytest.mark.skipif(os.geteuid() != 0, reason="rtud gives its modules users of their own only as root")
+@needed(SUPERUSER, "rtud gives its modules users of their own only as root")
 def test_a_port_that_modules_of_root_may_not_open_is_given_to_their_group(gateway: Gateway) -> None:
     with serial_port(GROUPS[0].gr_gid, 0o660) as path:
         assert denied(gateway, path, 0).endswith(
@@ -248,7 +248,7 @@ def test_a_port_that_modules_of_root_may_not_open_is_given_to_their_group(gatewa
         )
 
 
-@pytest.mark.skipif(os.geteuid() != 0, reason="a port is given to a group by root")
+@needed(SUPERUSER, "a port is given to a group by root")
 def test_a_port_that_no_group_may_open_says_its_mode(gateway: Gateway) -> None:
     with serial_port(GROUPS[1].gr_gid, 0o620) as path:
         assert denied(gateway, path, 0).endswith("its group, dialout, may not read and write it (mode 0620)")

@@ -16,10 +16,11 @@ import pytest
 import containers
 import postgres
 from containers import MADE, Container, Network
+from rights import SUPERUSER, needed
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(os.geteuid() != 0, reason="only root enters another root, as a container does"),
+    needed(SUPERUSER, "another root is entered, as a container does"),
 ]
 SERVICES = containers.compose()["services"]
 ADDRESS = SERVICES["gateway"]["networks"]["plant"]["ipv4_address"]

@@ -76,7 +76,7 @@ static bool has_ports(const struct map_config *config, FILE *messages)
 /* Of the file system that the folder will be on. False: nobody knows. */
 static bool find_room(const char *folder, unsigned long long *bytes)
 {
-	char path[PATH_MAX];
+	char path[PATH_MAX], *parent;
 	struct statvfs room;
 
 	if (strlen(folder) >= sizeof(path))
@@ -85,7 +85,8 @@ static bool find_room(const char *folder, unsigned long long *bytes)
 	while (statvfs(path, &room) != 0) {
 		if (strcmp(path, "/") == 0 || strcmp(path, ".") == 0)
 			return false;
-		memmove(path, dirname(path), strlen(dirname(path)) + 1);
+		parent = dirname(path);
+		memmove(path, parent, strlen(parent) + 1);
 	}
 	*bytes = (unsigned long long)room.f_blocks * room.f_frsize;
 	return true;
