@@ -169,12 +169,10 @@ build/centre/npm.done: centre/page/package.json centre/page/package-lock.json
 WHEELS := build/wheels
 # setuptools would take what an earlier build has left.
 LEFT := build/python package/openrtu/python/build
-# What dates the files in a wheel: the last commit, or in a tree without git the change log.
-DATED = $(shell git -c safe.directory="*" log -1 --format=%ct 2> /dev/null || date --reference=CHANGELOG.md +%s)
 
 wheels: centre-page $(WHEELING) ## Build: openrtu-tools and the modules' library openrtu, for pip, in build/wheels
 	rm -rf $(WHEELS) $(LEFT)
-	$(LOGGED) wheels env SOURCE_DATE_EPOCH=$(DATED) $(PYTHON) -m pip wheel --disable-pip-version-check --no-build-isolation \
+	$(LOGGED) wheels env SOURCE_DATE_EPOCH=$$(scripts/source-date.sh) $(PYTHON) -m pip wheel --disable-pip-version-check --no-build-isolation \
 	  --no-deps --wheel-dir $(WHEELS) . ./package/openrtu/python
 	rm -rf $(LEFT)
 
@@ -585,7 +583,7 @@ WORKERS := 4
 PYTEST = OPENRTU_TIMES=build/times/$@.json $(PYTHON) tests/alone.py -n $(WORKERS) --dist loadfile --no-loadscope-reorder \
   --max-worker-restart 0
 
-test-quick: LISTS := packages packages-lint packages-boards packages-man packages-tests
+test-quick: LISTS := packages packages-lint packages-boards packages-tests
 test-quick: $(PACKAGES) $(LINTED) $(TESTED) ## Test: lint, C unit tests, the quick half of pytest
 	$(MAKE) --jobs 3 .lint-logged unit .venv/collected
 	@echo '   * pytest: some 4 000 quick tests, five at a time; a dot each'
@@ -618,7 +616,7 @@ test-lines: build $(TESTED) ## Test: the Modbus lines
 test-gateway: build .asan fuzzers centre-page $(WHEELING) $(PACKAGING) build/gpsd/done build/chronyd/done build/mibs/done build/exporter/done $(TESTED) ## Test: the gateway as a whole, its configuration, the tree
 test-bench: build .compared $(TESTED) ## Test: what make bench measures with
 test-pins: $(TESTED) ## Test: nuc980-pins
-test-image: $(TESTED) ## Test: the images' configuration and what makes them
+test-image: build/packages-cross.done $(TESTED) ## Test: the images' configuration and what makes them
 test-netboot: build qemu uboot $(TESTED) ## Test: nuc980-netboot
 test-twin: qemu uboot $(TESTED) ## Test: the emulated board alone
 test-centre: build centre-page $(PACKAGING) build/packages-centre.done $(TESTED) ## Test: the control centre, its page in a browser

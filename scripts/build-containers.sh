@@ -15,8 +15,7 @@ names=("${@:3}")
 tree=$(realpath -e "$(dirname "$0")/..")
 version=$(<"$tree/package/openrtu/src/VERSION")
 machine=$(dpkg --print-architecture)
-# What dates the files in an image: the last commit, as in the packages.
-SOURCE_DATE_EPOCH=${SOURCE_DATE_EPOCH:-$(git -c safe.directory='*' -C "$tree" log -1 --format=%ct 2>/dev/null || date +%s)}
+SOURCE_DATE_EPOCH=$("$tree/scripts/source-date.sh")
 export SOURCE_DATE_EPOCH
 
 declare -A packages=(

@@ -14,18 +14,13 @@ machine=$(dpkg --print-architecture)
 architectures=("${@:2}")
 [[ ${#architectures[@]} -gt 0 ]] || architectures=("$machine")
 
-# Of the last commit, or of now in a tree without git: what dates the package's files.
-moment() {
-	git -c safe.directory='*' -C "$tree" log -1 --format=%ct 2>/dev/null || date +%s
-}
-
 changelog() {
 	cat <<-END
 		openrtu ($version) unstable; urgency=medium
 
 		  * CHANGELOG.md has what is new.
 
-		 -- $(sed -n 's/^Maintainer: //p' debian/control)  $(date --utc --rfc-email --date="@${SOURCE_DATE_EPOCH:-$(moment)}")
+		 -- $(sed -n 's/^Maintainer: //p' debian/control)  $(date --utc --rfc-email --date="@$("$tree/scripts/source-date.sh")")
 	END
 }
 

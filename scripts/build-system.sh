@@ -128,4 +128,4 @@ if ! [[ -e $folder.inputs && $(inputs) == "$(<"$folder.inputs")" ]]; then
 fi
 image_tool manifest --images "$folder" --versions "$parts/versions" --target "$parts/root" \
 	--limits "$limits" --out "$folder/manifest.json"
-image_tool bill "$folder/manifest.json" "$folder.cdx.json" "${sources[@]}"
+SOURCE_DATE_EPOCH=$("$tree/scripts/source-date.sh") image_tool bill "$folder/manifest.json" "$folder.cdx.json" "${sources[@]}"

@@ -17,13 +17,14 @@ tree=$(realpath -e "$(dirname "$0")/..")
 version=$(<"$tree/package/openrtu/src/VERSION")
 # Part, the files that it publishes, and what makes them.
 debs='deb/*_all.deb deb/*_amd64.deb deb/*_arm64.deb deb/*_armhf.deb'
-make_debs="make deb DEB_ARCHS='amd64 arm64 armhf'"
+# One make for what needs them: make containers alone would compile them once more, for this machine only.
+make_debs="make deb containers DEB_ARCHS='amd64 arm64 armhf'"
 parts=(
 	"source|.|true"
 	"wheels|wheels/*.whl|make wheels"
 	"packages|$debs|$make_debs"
 	"apt|$debs|$make_debs"
-	"containers|containers/*.oci.tar containers/compose.yaml|make containers"
+	"containers|containers/*.oci.tar containers/compose.yaml|$make_debs"
 	"pages|pages/html|make site"
 	"gateway|system/uImage system/nuc980-gateway.dtb system/manifest.json system.cdx.json|make image-debian"
 	"numaker|boards/numaker/system/uImage boards/numaker/system/nuc980-numaker.dtb boards/numaker/system/manifest.json boards/numaker/system.cdx.json|make image-debian BOARD=numaker"
@@ -97,8 +98,7 @@ wanted=${PARTS:-${all/buildroot /}}
 for name in $wanted; do
 	[[ " $all " == *" $name "* ]] || fail "PARTS: there is no part $name; there are $all"
 done
-# Of the last commit, or of the change log in a tree without git.
-SOURCE_DATE_EPOCH=$(git -c safe.directory='*' -C "$tree" log -1 --format=%ct 2>/dev/null || stat -c %Y "$tree/CHANGELOG.md")
+SOURCE_DATE_EPOCH=$("$tree/scripts/source-date.sh")
 export SOURCE_DATE_EPOCH
 mkdir -p "$out"
 for part in "${parts[@]}"; do

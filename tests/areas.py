@@ -185,6 +185,10 @@ REACH = [
     ("scripts/build-uboot.sh", BOARDS),
     ("scripts/patched-source.sh", BOARDS),
     ("scripts/debian-source.sh", f"test-image {BOARDS}"),
+    (
+        "scripts/source-date.sh",
+        "test-image tests/test_debian_packages.py tests/test_containers.py tests/test_pip_install.py",
+    ),
     ("scripts/build-deb.sh", "tests/test_debian_packages.py"),
     ("scripts/build-root.sh", "tests/test_debian_packages.py"),
     ("scripts/private-root.sh", "tests/test_debian_packages.py tests/test_containers.py"),

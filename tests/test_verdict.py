@@ -92,7 +92,7 @@ def listen_twice() -> None:
     [
         (
             lambda: start("no-such-program"),
-            "no-such-program is not installed; type: scripts/setup-packages.sh scripts/packages.txt",
+            "no-such-program is not installed; type: rm build/packages*.done",
         ),
         (lambda: start(__file__), f"this user may not use {__file__}"),
         (listen_twice, "another program has this port"),

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """
 python3 -m image.bill MANIFEST OUT [SOURCE...]: the bill of materials of an image from Debian's packages, in
-CycloneDX, from its manifest. SOURCE names what was compiled from Debian's sources; the rest are its packages
-for armel. Buildroot writes that of its own images (sbom.py). Exit codes: 0 done, 2 no manifest.
+CycloneDX, from its manifest, dated SOURCE_DATE_EPOCH. SOURCE names what was compiled from Debian's sources;
+the rest are its packages for armel. Buildroot writes that of its own images (sbom.py). Exit codes: 0 done,
+2 no manifest.
 """
 
 from __future__ import annotations
 
 import json
 import os
-import subprocess
 import sys
 import uuid
 from collections.abc import Collection, Mapping
@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-ROOT = Path(__file__).resolve().parents[2]
 RELEASE = "debian-12"
 
 
@@ -77,18 +76,6 @@ def bill_of(manifest: Mapping[str, Any], sources: Collection[str], now: datetime
     return bill | {"serialNumber": f"urn:uuid:{uuid.uuid5(uuid.NAMESPACE_OID, content)}"}
 
 
-def moment() -> datetime:
-    """SOURCE_DATE_EPOCH, or that of the last commit: the same for the same tree. Without both, now."""
-    seconds = os.environ.get("SOURCE_DATE_EPOCH")
-    if seconds is None:
-        git = ["git", "-c", "safe.directory=*", "-C", str(ROOT), "log", "-1", "--format=%ct"]
-        try:
-            seconds = subprocess.run(git, check=True, capture_output=True, text=True).stdout
-        except (OSError, subprocess.CalledProcessError):
-            return datetime.now(UTC)
-    return datetime.fromtimestamp(int(seconds), UTC)
-
-
 def main(words: list[str]) -> int:
     manifest, out, *sources = words
     try:
@@ -96,7 +83,8 @@ def main(words: list[str]) -> int:
     except (OSError, ValueError) as error:
         print(f"bill: {manifest}: {error}; make image-debian writes it", file=sys.stderr)
         return 2
-    Path(out).write_text(json.dumps(bill_of(read, sources, moment()), indent=2) + "\n", encoding="utf-8")
+    made = datetime.fromtimestamp(int(os.environ["SOURCE_DATE_EPOCH"]), UTC)
+    Path(out).write_text(json.dumps(bill_of(read, sources, made), indent=2) + "\n", encoding="utf-8")
     return 0
 
 

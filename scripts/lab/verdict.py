@@ -27,7 +27,7 @@ LINE = 160  # characters of what was seen; the file has all of it
 BUSY = 1.5  # waiting processes for each processor
 ENDS_S = 1.0
 PATIENCE_S = 60.0  # with what is asked and does not answer
-INSTALL = "scripts/setup-packages.sh scripts/packages.txt"
+LOOK_AGAIN = "rm build/packages*.done"  # for what it lacks, which make has noted as there
 NO_CAUSE = "a fault of the gateway or of the show itself"
 
 
@@ -144,7 +144,7 @@ def known_cause(error: Exception) -> str:
     """What this machine itself says of it: a program that is missing, a right, a port. Else ""."""
     match error:
         case FileNotFoundError(filename=str(name)) if "/" not in name:  # a file is looked for by its path
-            return f"{name} is not installed; type: {INSTALL}"
+            return f"{name} is not installed; type: {LOOK_AGAIN}"
         case PermissionError(filename=str(name)):
             return f"this user may not use {name}"
         case OSError(errno=errno.EADDRINUSE):

@@ -20,6 +20,11 @@ MANIFEST = {
 }
 
 
+@pytest.fixture(autouse=True)
+def dated(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1790000000")
+
+
 def written(folder: Path, manifest: object = MANIFEST) -> str:
     (folder / "manifest.json").write_text(json.dumps(manifest))
     out = folder / "system.cdx.json"
@@ -42,8 +47,7 @@ def test_each_package_is_in_it_by_its_url(tmp_path: Path) -> None:
     assert all(each["supplier"]["name"] for each in found["components"])
 
 
-def test_same_image_has_the_same_bill(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1790000000")
+def test_same_image_has_the_same_bill(tmp_path: Path) -> None:
     first = written(tmp_path)
     assert "2026-09-21T14:13:20+00:00" in first
     assert written(tmp_path) == first

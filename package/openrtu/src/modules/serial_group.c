@@ -9,12 +9,12 @@
 #include <unistd.h>
 
 #include "modules/serial.h"
+#include "modules/users.h"
 
 #define LINE_SIZE     1024
 #define NAME_SIZE     33 /* shadow-utils: 32 characters */
 #define GROUP_MODE    (S_IRGRP | S_IWGRP)
 #define GROUPS_FILE   "/etc/group"
-#define MODULES_USERS 32        /* rtud gives modules: systemd/openrtu.sysusers */
 #define MODULES_GROUP "dialout" /* what rtud, as root, gives to the modules that open ports */
 
 static bool look_at(const char *path, struct stat *status)
@@ -78,7 +78,7 @@ static bool has_user_of_its_own(void)
 {
 	unsigned long user = getauxval(AT_UID), group = getauxval(AT_GID);
 
-	return user > group && user - group <= MODULES_USERS;
+	return user > group && user - group <= LAST_USER;
 }
 
 void serial_explain(const char *path, char hint[SERIAL_HINT_SIZE])
