@@ -237,7 +237,7 @@ $(VENDORED)/done: requirements.txt $(VENV)
 	@touch $@
 
 # What the Debian packages are made with, and of.
-PACKAGING := build/packages-man.done build/packages-deb.done wheels $(VENDORED)/done
+PACKAGING := build/packages-man.done build/packages-deb.done build/packages-release.done wheels $(VENDORED)/done
 
 deb: $(PACKAGES) $(PACKAGING) ## Build: the Debian packages, in build/deb (DEB_ARCHS="amd64 arm64 armhf")
 	scripts/build-deb.sh build/deb $(DEB_ARCHS)
@@ -616,7 +616,7 @@ test-lines: build $(TESTED) ## Test: the Modbus lines
 test-gateway: build .asan fuzzers centre-page $(WHEELING) $(PACKAGING) build/gpsd/done build/chronyd/done build/mibs/done build/exporter/done $(TESTED) ## Test: the gateway as a whole, its configuration, the tree
 test-bench: build .compared $(TESTED) ## Test: what make bench measures with
 test-pins: $(TESTED) ## Test: nuc980-pins
-test-image: build/packages-cross.done $(TESTED) ## Test: the images' configuration and what makes them
+test-image: build/packages-cross.done build/packages-release.done $(TESTED) ## Test: the images' configuration and what makes them
 test-netboot: build qemu uboot $(TESTED) ## Test: nuc980-netboot
 test-twin: qemu uboot $(TESTED) ## Test: the emulated board alone
 test-centre: build centre-page $(PACKAGING) build/packages-centre.done $(TESTED) ## Test: the control centre, its page in a browser

@@ -208,6 +208,7 @@ def test_same_files_and_keys_give_the_same_bytes(packages: Path, tmp_path: Path,
     assert Path("SHA256SUMS.sig") in made[0]
 
 
+@pytest.mark.slow
 def test_apt_key_that_is_none_is_said(packages: Path) -> None:
     done = release(packages, PARTS="apt", APT_KEY="secret")
     assert done.returncode == 1
