@@ -90,7 +90,10 @@ REACH = [
     ("docs/examples/modules/plant.py", "lint tests/test_plant.py"),
     ("docs/examples/modules/*", "lint tests/test_foreign*.py tests/test_show.py"),
     ("docs/synch.md", "tests/test_synch.py"),
-    ("docs/examples/logic/*", "tests/test_logic*.py tests/test_plant.py tests/test_show.py"),
+    (
+        "docs/examples/logic/*",
+        "tests/test_debian_packages.py tests/test_logic*.py tests/test_plant.py tests/test_show.py",
+    ),
     ("docs/examples/*.dts", "tests/pins/test_picture.py tests/test_pip_install.py"),
     ("docs/examples/*.json", "tests/test_config.py tests/test_points.py tests/test_pip_install.py"),
     ("*.md", f"{TREE} tests/test_pages.py"),
@@ -156,7 +159,7 @@ REACH = [
     ("scripts/lab/twin_show.py", "test-twin"),
     (
         "scripts/lab/manager.py",
-        "lint tests/test_entrances.py tests/test_snmp*.py tests/test_reload.py "
+        "lint tests/test_debian_packages.py tests/test_entrances.py tests/test_snmp*.py tests/test_reload.py "
         "tests/test_reload_running.py tests/test_show.py "
         "tests/test_same_events.py "
         "tests/linux/test_system_tls.py",
@@ -241,7 +244,8 @@ REACH = [
     ("tests/snmp.py", "tests/test_entrances.py tests/test_snmp*.py"),
     (
         "tests/web.py",
-        "tests/test_entrances.py tests/test_reload*.py tests/test_web.py tests/centre/test_web_page.py",
+        "tests/test_debian_packages.py tests/test_entrances.py tests/test_reload*.py tests/test_web.py"
+        " tests/centre/test_web_page.py",
     ),
     ("tests/fixtures/corpus/*", "tests/test_fuzz.py"),
     ("tests/fixtures/*", DESK),

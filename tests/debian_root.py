@@ -39,10 +39,11 @@ class DebianRoot:
             "unshare", "--mount", "sh", "-euc", ENTER, "-", self.folder, ARCHIVES, *words,
         ]  # fmt: skip
 
-    def run(self, *words: str, code: int = 0) -> str:
+    def run(self, *words: str, code: int = 0, typed: str = "") -> str:
         done = subprocess.run(
-            self.command(*words), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
-        )
+            self.command(*words), input=typed, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+            check=False,
+        )  # fmt: skip
         assert done.returncode == code, done.stdout
         return done.stdout
 

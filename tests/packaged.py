@@ -4,6 +4,7 @@
 import fcntl
 import os
 import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -57,3 +58,14 @@ def packages() -> Path:
 def file_of(folder: Path, name: str) -> Path:
     (file,) = folder.glob(f"{name}_*.deb")
     return file
+
+
+def wheels_with_needs(folder: Path) -> None:
+    """The wheel of the tools that are in them, and those that it needs: for a machine without network."""
+    pip = [sys.executable, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check"]
+    with alone("wheels"):
+        (wheel,) = (ROOT / "build/wheels").glob("openrtu_tools-*.whl")
+        done = subprocess.run(
+            [*pip, "--wheel-dir", folder, wheel], capture_output=True, text=True, check=False
+        )
+    assert done.returncode == 0, done.stdout + done.stderr

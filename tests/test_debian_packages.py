@@ -5,21 +5,30 @@ import json
 import os
 import re
 import shutil
+import struct
 import subprocess
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import debian_root
 import packaged
 from debian_root import NEEDS_ROOT, DebianRoot
+from desk import patience
 from lab.gateway import free_port
+from lab.manager import WATCH, Manager, free_udp_port
 from lab.patience import Deadline
 from packaged import built, file_of
+from peers.device import FIRST_ADDRESS, UNIT
+from peers.pymodbus_device import PymodbusDevice
 from release.version import debian
 from test_installation import check_unit, files_of, run
 from test_version import VERSION
+from web import PASSWORD, Client
 
 pytestmark = pytest.mark.slow
 
@@ -237,6 +246,26 @@ def test_installed_upgraded_removed_and_purged(debian: DebianRoot, packages: Pat
     assert {"openrtu-1", "openrtu-centre"} <= users_of(debian)
 
 
+@contextmanager
+def gateway(debian: DebianRoot) -> Iterator[None]:
+    with debian.running("rtud", "/etc/openrtu/gateway.json") as rtud:
+        yield
+        assert rtud.poll() is None, (debian.folder / "running.log").read_text()
+
+
+def pass_until(debian: DebianRoot, name: str, holds: Callable[[dict[str, Any]], bool]) -> None:
+    """Until a point is as it should be."""
+    deadline = Deadline(PATIENCE_S)
+    point: dict[str, Any] = {}
+    while not (point and holds(point)):
+        assert deadline.left > 0, ((debian.folder / "running.log").read_text(), point)
+        done = subprocess.run(
+            debian.command("rtuctl", "--json", "points", name), capture_output=True, check=False
+        )
+        (point,) = json.loads(done.stdout) if done.returncode == 0 else ({},)
+        time.sleep(0.2)
+
+
 TANK = """#!/usr/bin/env python3
 from openrtu import Module
 
@@ -274,17 +303,92 @@ def test_module_in_ten_lines_runs_on_the_packages_alone(bare: DebianRoot, packag
     }  # fmt: skip
     config["modules"].append(tank)
     (debian.folder / "etc/openrtu/gateway.json").write_text(json.dumps(config))
-    with debian.running("rtud", "/etc/openrtu/gateway.json") as rtud:
-        deadline = Deadline(PATIENCE_S)
-        pump: list[dict[str, object]] = []
-        while not (pump and pump[0]["value"] and pump[0]["quality"] == "good"):
-            said = (debian.folder / "running.log").read_text()
-            assert rtud.poll() is None and deadline.left > 0, (said, pump)
-            done = subprocess.run(
-                debian.command("rtuctl", "--json", "points", "pump"), capture_output=True, check=False
-            )
-            pump = json.loads(done.stdout) if done.returncode == 0 else []
-            time.sleep(0.2)
+    with gateway(debian):
+        pass_until(debian, "pump", lambda pump: bool(pump["value"]) and pump["quality"] == "good")
+
+
+# What a spreadsheet with a decimal comma saves.
+POINTS = f"""ca;ioa;type;name;port;id;table;register;format;scale;unit
+7017;1;M_ME_NC_1;level;7;{UNIT};input_registers;30017;uint16;0,1;%
+7017;2;M_SP_NA_1;door_open;7;{UNIT};discrete_inputs;10017;;;
+"""
+RAW_LEVEL, LEVEL = 905, 90.5
+
+
+def lines_of_station(device: int, page: int, agent: int) -> dict[str, Any]:
+    """Without points: these are in the list."""
+    return {
+        "iec104": {"address": "127.0.0.1", "port": free_port()},
+        "port": [
+            {"value": 7, "active": 1, "host": "127.0.0.1", "tcp_port": device,
+             "slaves": [{"id": UNIT, **patience()}]}
+        ],
+        "web": {"port": page, "users": "/etc/openrtu/web.users"},
+        "snmp": {
+            "address": "127.0.0.1", "port": agent, "keys": "/etc/openrtu/snmp.keys",
+            "state": "/var/lib/openrtu/snmp", "users": [{"name": WATCH.name, "role": "viewer"}],
+        },
+        "logic": [
+            {"name": "pump", "program": "pump.rtul", "ca": 7100,
+             "points": [{"name": "pump", "ioa": 1}, {"name": "starts", "ioa": 2}]}
+        ],
+    }  # fmt: skip
+
+
+def tools_of_their_package(debian: DebianRoot, packages: Path) -> str:
+    install(debian, packages, "openrtu-tools")
+    return "openrtu"
+
+
+def tools_of_their_wheel(debian: DebianRoot, _packages: Path) -> str:
+    """As install.md has it for all users."""
+    debian.apt("install", "python3-venv")
+    packaged.wheels_with_needs(debian.folder / "srv/wheels")
+    debian.run("python3", "-m", "venv", "/opt/openrtu")
+    debian.run("/opt/openrtu/bin/pip", "install", "--no-index", "--find-links=/srv/wheels", "openrtu-tools")
+    return "/opt/openrtu/bin/openrtu"
+
+
+@NEEDS_ROOT
+@pytest.mark.parametrize("tools", [tools_of_their_package, tools_of_their_wheel])
+def test_station_of_five_parts_is_made_without_a_clone(
+    bare: DebianRoot, packages: Path, tmp_path: Path, tools: Callable[[DebianRoot, Path], str]
+) -> None:
+    """A Modbus device, its points by a list, a program of logic, users of the page, keys of SNMP."""
+    install(bare, packages, "openrtu")
+    openrtu = tools(bare, packages)
+    etc = bare.folder / "etc/openrtu"
+    device, page, agent = free_port(), free_port(), free_udp_port()
+    (etc / "points.csv").write_text(POINTS)
+    (etc / "lines.json").write_text(json.dumps(lines_of_station(device, page, agent)))
+    for name in ("pump.st", "pump.test.csv"):
+        shutil.copy(ROOT / "docs/examples/logic" / name, etc)
+    (etc / "phrases").write_text(f"{WATCH.name} {WATCH.authentication} {WATCH.encryption}\n")
+
+    made = bare.run(openrtu, "points", "/etc/openrtu/points.csv", "--lines", "/etc/openrtu/lines.json")
+    (etc / "gateway.json").write_text(made)
+    assert ", 0 failed; " in bare.run(openrtu, "logic", "test", "/etc/openrtu/pump.st")
+    bare.run(openrtu, "logic", "compile", "/etc/openrtu/pump.st", "-o", "/etc/openrtu/pump.rtul")
+    words = ("web-users", "/etc/openrtu/web.users", "anna", "--role=viewer")
+    bare.run(openrtu, *words, typed=f"{PASSWORD}\n")
+    keys = ("/etc/openrtu/gateway.json", "/etc/openrtu/snmp.keys", "--passphrases=/etc/openrtu/phrases")
+    bare.run(openrtu, "snmp-keys", *keys)
+    assert "good: lines 1, devices 1, points 4" in bare.run("rtud", "--check", "/etc/openrtu/gateway.json")
+
+    meter = PymodbusDevice(device)
+    meter.start()
+    try:
+        meter.set("input_registers", FIRST_ADDRESS, [RAW_LEVEL])
+        with gateway(bare):
+            pass_until(bare, "level", lambda point: point["value"] == LEVEL and point["quality"] == "good")
+            pass_until(bare, "pump", lambda point: bool(point["value"]) and point["quality"] == "good")
+            client = Client(page)
+            assert client.log_in("anna").status == 200
+            assert {row["name"]: row["value"] for row in client.rows("/api/points")}["level"] == LEVEL
+            octets = struct.pack(">f", LEVEL)
+            assert Manager(agent, tmp_path, WATCH).get("rtuMeasuredFloat.7017.1") == [octets]
+    finally:
+        meter.stop()
 
 
 @NEEDS_ROOT
