@@ -15,9 +15,10 @@ if [[ -n ${CI:-} ]]; then tail=200; else tail=40; fi
 # test, Buildroot.
 progress() {
 	awk '
+		{ sub(/\r$/, "") } # apt ends its lines so where it finds a terminal
 		/^\[[0-9]+\/[0-9]+\] / { split(substr($1, 2), n, "[/\\]]"); done = n[1]; all = n[2]; unit = "objects" }
 		/^ +(HOST)?(CC|AS)( +\[M\])? +[^ ]+$/ { done++; unit = "objects" }
-		/^[0-9]+ upgraded, [0-9]+ newly installed, / { all = $1 + $3; unit = "packages" }
+		/^[0-9]+ upgraded, [0-9]+ newly installed, / { done = 0; all = $1 + $3; unit = "packages" }
 		/^Setting up .*\.\.\.$/ { done++ }
 		/^Collecting / { done++; unit = "packages" }
 		/^ *[0-9]+\/[0-9]+ .* (OK|FAIL|SKIP|TIMEOUT|ERROR) / { split($1, n, "/"); done = n[1]; all = n[2]; unit = "tests" }

@@ -24,7 +24,7 @@ parts=(
 	"wheels|wheels/*.whl|make wheels"
 	"packages|$debs|$make_debs"
 	"apt|$debs|$make_debs"
-	"containers|containers/*.oci.tar containers/compose.yaml|$make_debs"
+	"containers|containers/*.oci.tar containers/compose.yaml containers/show|$make_debs"
 	"pages|pages/html|make site"
 	"gateway|system/uImage system/nuc980-gateway.dtb system/manifest.json system.cdx.json|make image-debian"
 	"numaker|boards/numaker/system/uImage boards/numaker/system/nuc980-numaker.dtb boards/numaker/system/manifest.json boards/numaker/system.cdx.json|make image-debian BOARD=numaker"
@@ -75,7 +75,11 @@ take_packages() { cp "$@" "$out"; }
 
 take_containers() {
 	local file
-	for file in "$@"; do cp "$file" "$out/openrtu-$version-${file##*/openrtu-}"; done
+	for file in "$@"; do
+		[[ $file != *.oci.tar ]] || cp "$file" "$out/openrtu-$version-${file##*/openrtu-}"
+	done
+	packed --directory "$build/containers" --transform "s,^,openrtu-$version-compose/," compose.yaml show \
+		>"$out/openrtu-$version-compose.tar.gz"
 }
 
 take_buildroot() {

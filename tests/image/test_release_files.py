@@ -4,6 +4,7 @@
 import os
 import shutil
 import subprocess
+import tarfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -52,6 +53,22 @@ def test_all_is_there_and_summed(build: Path) -> None:
         ["sha256sum", "--check", "--strict", "SHA256SUMS"], cwd=out, check=True, capture_output=True
     )
     assert (out / "SHA256SUMS").read_text().count("\n") == len(names)
+
+
+def test_compose_comes_with_what_it_mounts(build: Path) -> None:
+    for name in ("openrtu-gateway.oci.tar", "compose.yaml", "show/gateway.json"):
+        file = build / "containers" / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(name)
+    done = release(build, PARTS="containers")
+    assert done.returncode == 0, done.stderr
+    out = build.parent / "out"
+    compose = f"openrtu-{VERSION}-compose"
+    names = {f"openrtu-{VERSION}-gateway.oci.tar", f"{compose}.tar.gz", "SHA256SUMS"}
+    assert {file.name for file in out.iterdir()} == names
+    with tarfile.open(out / f"{compose}.tar.gz") as archive:
+        files = {entry.name for entry in archive if entry.isfile()}
+    assert files == {f"{compose}/compose.yaml", f"{compose}/show/gateway.json"}
 
 
 def test_signature_is_of_the_key(build: Path, tmp_path: Path) -> None:
