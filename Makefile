@@ -572,7 +572,7 @@ lint: $(LINTED) ## Test: check the sources: ruff, clang-format, cppcheck, shellc
 	$(PYTHON) -m ruff check .
 	$(PYTHON) -m ruff format --check .
 	@echo clang-format --dry-run -Werror
-	@clang-format --dry-run -Werror $(C_FILES)
+	@.venv/bin/clang-format --dry-run -Werror $(C_FILES)
 	@mkdir -p build/cppcheck
 	cppcheck --quiet -j 2 --cppcheck-build-dir=build/cppcheck --enable=warning,performance,portability --error-exitcode=1 --inline-suppr \
 	  -I $(SRC) $(SRC) $(LINESIM) $(BENCH) $(PROBES) $(PAYLOAD) $(PROGRAMS)
