@@ -192,6 +192,7 @@ REACH = [
         "scripts/source-date.sh",
         "test-image tests/test_debian_packages.py tests/test_containers.py tests/test_pip_install.py",
     ),
+    ("scripts/cppcheck.cfg", "lint"),
     ("scripts/build-deb.sh", "tests/test_debian_packages.py"),
     ("scripts/build-root.sh", "tests/test_debian_packages.py"),
     ("scripts/private-root.sh", "tests/test_debian_packages.py tests/test_containers.py"),

@@ -304,7 +304,7 @@ static void set_jammed(struct client *client, const struct command *command, int
 static void say(struct client *client, const struct command *command, int count, char **words)
 {
 	struct line *line = named_line(client, words[1]);
-	uint8_t bytes[WORDS_MAX];
+	uint8_t bytes[WORDS_MAX] = {0};
 	long octet;
 
 	if (!line)

@@ -33,7 +33,7 @@ void wait_seconds(uint32_t seconds)
 
 void restart(void)
 {
-	register uint32_t system_reset __asm__("r0") = 0x84000009;
+	const uint32_t system_reset = 0x84000009;
 
-	__asm__ volatile(".arch armv7ve\n\thvc #0" : "+r"(system_reset));
+	__asm__ volatile(".arch armv7ve\n\tmov r0, %0\n\thvc #0" : : "r"(system_reset) : "r0");
 }

@@ -116,7 +116,7 @@ static void receive(const uint8_t *octets, size_t size)
 
 static void receive_anything(void)
 {
-	uint8_t octets[256];
+	uint8_t octets[256] = {0};
 	size_t size = next_octet();
 
 	for (size_t i = 0; i < size; i++)

@@ -215,7 +215,7 @@ static void acknowledge(struct model *model)
 
 static void send_anything(struct model *model)
 {
-	uint8_t octets[256];
+	uint8_t octets[256] = {0};
 	size_t size = next_octet();
 
 	for (size_t i = 0; i < size; i++)

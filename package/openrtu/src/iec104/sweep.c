@@ -83,11 +83,13 @@ bool iec104_add_samples(const struct iec104_station *station, struct iec104_buil
 {
 	const struct map_point *object = iec104_point(station, point);
 	uint8_t element[IEC104_ELEMENT_MAX];
+	size_t size;
 
 	if (tagged || iec104_is_position(station, point)) /* which has its time always */
 		return iec104_add_event(station, builder,
 					&(struct map_event){.point = point, .sample = samples[0]}, samples);
-	return iec104_asdu_add(builder, object->ioa, element, encode(object, &samples[0], element));
+	size = encode(object, &samples[0], element);
+	return iec104_asdu_add(builder, object->ioa, element, size);
 }
 
 void iec104_send(struct iec104_connection *connection, const struct iec104_builder *builder, int64_t now_ns)

@@ -452,6 +452,7 @@ static void test_a_file_that_ends_anywhere(void **state)
 	for (size_t size = 0; size <= scene.size; size++) {
 		uint8_t *copy = malloc(size + 1);
 
+		assert_non_null(copy);
 		memcpy(copy + 1, scene.file, size); /* nothing in it is aligned */
 		assert_says(&scene, copy + 1, size, whole_records(ends, size));
 		free(copy);

@@ -44,6 +44,7 @@ int set_up(void **state)
 {
 	struct stage *stage = calloc(1, sizeof(*stage));
 
+	assert_non_null(stage);
 	for (uint16_t i = 0; i < 2; i++) {
 		stage->sets[i] = (struct map_set){
 		    .ca = (uint16_t)(1000 * (i + 1) + 1), .first_point = i * 4u, .point_count = 4};

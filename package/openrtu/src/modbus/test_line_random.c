@@ -94,7 +94,7 @@ static void test_hostile_bytes(void **state)
 
 	start_simple(1);
 	for (int round = 0; round < 30000; round++) {
-		uint8_t bytes[600];
+		uint8_t bytes[600] = {0};
 		size_t length = random_next(&chance) % (round % 100 == 0 ? sizeof(bytes) : 20);
 
 		for (size_t i = 0; i < length; i++)

@@ -18,10 +18,12 @@ static char path[sizeof(dir) + sizeof("/data")];
 static void write_state(const char *text)
 {
 	FILE *file = fopen(path, "w");
+	bool good, closed;
 
 	assert_non_null(file);
-	assert_true(fputs(text, file) >= 0);
-	assert_int_equal(fclose(file), 0);
+	good = fputs(text, file) >= 0;
+	closed = fclose(file) == 0;
+	assert_true(good && closed);
 }
 
 static void test_memory(void **state)

@@ -357,13 +357,15 @@ static void test_modules_say_where_the_data_is(void **state)
 {
 	char path[sizeof(dir) + sizeof("/data")];
 	FILE *file;
+	bool good, closed;
 
 	(void)state;
 	snprintf(path, sizeof(path), "%s/data", dir);
 	file = fopen(path, "w");
 	assert_non_null(file);
-	assert_true(fputs("memory: no UBI volume\n", file) >= 0);
-	assert_int_equal(fclose(file), 0);
+	good = fputs("memory: no UBI volume\n", file) >= 0;
+	closed = fclose(file) == 0;
+	assert_true(good && closed);
 	assert_int_equal(RUN("modules"), 0);
 	assert_contains("\n\ndata: in memory, lost at restart: no UBI volume\n");
 	assert_int_equal(unlink(path), 0);

@@ -133,10 +133,11 @@ bool config_read_file(struct rtud_loader *loader, const json_t *root)
 	struct config_loader *files = &loader->files;
 	struct config_rule rules[KEYS_MAX];
 	struct config_value values[KEYS_MAX];
+	const size_t count = all_rules(loader, rules);
 	size_t next = FILE_KEYS;
 	bool good = true;
 
-	config_read_keys(&files->report, &file, root, rules, all_rules(loader, rules), values);
+	config_read_keys(&files->report, &file, root, rules, count, values);
 	if (!json_is_object(root))
 		return true;
 	files->config->settings.clock = (uint8_t)values[FILE_CLOCK].integer;

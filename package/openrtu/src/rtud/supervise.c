@@ -418,7 +418,7 @@ static void stop_modules(struct supervisor *supervisor)
 /* The map stays; the next look at the modules starts them. */
 static void reset_modules(struct supervisor *supervisor)
 {
-	bool was_there[MAP_MODULES_MAX];
+	bool was_there[MAP_MODULES_MAX] = {false};
 
 	if (supervisor->reset_at_ns == 0 || map_now_ns() < supervisor->reset_at_ns)
 		return;

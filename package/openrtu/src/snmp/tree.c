@@ -95,13 +95,15 @@ static bool find_in(const struct snmp_agent *agent, const uint32_t *rest, size_t
 	const struct snmp_table *table = snmp_table_at(agent, place);
 	const size_t ids = table->prefix_length + (table->last == 0 ? 1u : 2u);
 	uint32_t own[SNMP_IDS_MAX];
+	size_t own_length;
 
 	if (length != ids + table->indexes)
 		return false;
 	place->column = table->last == 0 ? 0 : (uint8_t)rest[ids - 1];
 	if (table->last != 0 && (rest[ids - 1] < table->first || rest[ids - 1] > table->last))
 		return false;
-	if (compare(own, object_ids(table, place->column, own), rest, ids) != 0)
+	own_length = object_ids(table, place->column, own);
+	if (compare(own, own_length, rest, ids) != 0)
 		return false;
 	place->row = find_row(agent, table, rest + ids, length - ids, true);
 	return place->row < rows_of(agent, table) &&

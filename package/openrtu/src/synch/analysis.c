@@ -122,7 +122,7 @@ static bool visit(struct search *search, uint32_t marking)
 
 static bool walk(struct search *search)
 {
-	uint16_t tokens[MODEL_PLACES];
+	uint16_t tokens[MODEL_PLACES] = {0};
 
 	for (uint32_t i = 0; i < search->model.net.place_count; i++)
 		tokens[i] = search->model.places[i].tokens;
@@ -155,11 +155,13 @@ static bool take_sequence(const struct search *search, uint32_t marking, struct 
 static bool find_stuck(const struct search *search, unsigned transition, struct synch_sequence *out)
 {
 	bool *can = calloc(search->count, sizeof(*can)), grew = true;
-	bool good = can != NULL;
+	bool good = true;
 
-	for (uint32_t i = 0; good && i < search->count; i++)
+	if (can == NULL)
+		return false;
+	for (uint32_t i = 0; i < search->count; i++)
 		can[i] = synch_enabled(&search->model.net, tokens_of(search, i), transition);
-	while (good && grew) {
+	while (grew) {
 		grew = false;
 		for (uint32_t i = search->edge_count; i-- > 0;)
 			if (can[search->edges[i].to] && !can[search->edges[i].from])

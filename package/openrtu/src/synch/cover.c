@@ -116,7 +116,7 @@ static bool visit(struct tree *tree, uint32_t node)
 
 static bool build(struct tree *tree)
 {
-	uint16_t tokens[MODEL_PLACES];
+	uint16_t tokens[MODEL_PLACES] = {0};
 
 	for (uint32_t i = 0; i < tree->net->place_count; i++)
 		tokens[i] = tree->net->places[i].tokens;
