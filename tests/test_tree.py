@@ -163,6 +163,11 @@ def test_no_place_of_one_machine() -> None:
     assert found == []
 
 
+def test_what_is_not_there_lies_below_a_file() -> None:
+    """As root, a library made the folder that was to be none. Below /dev/null not even root makes one."""
+    assert [path for path in FILES if path != THIS and "/nonexistent" in text_of(path)] == []
+
+
 def test_no_merge_is_half_done() -> None:
     """Conflict markers: a page that nobody builds has kept them unseen."""
     marker = re.compile(r"^(<<<<<<<|>>>>>>>) ", re.MULTILINE)

@@ -4,6 +4,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <linux/sockios.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -32,8 +33,8 @@
 #define SYS_MEMORY SYS_mmap
 #endif
 
-static const char *const programs[] = {"rtu-modbus", "rtu-iec104",   "rtu-iec104-tls",  "rtu-journal",
-				       "rtu-logic",  "rtu-iec61850", "rtu-iec61850-tls"};
+static const char *const programs[] = {"rtu-modbus", "rtu-iec104",   "rtu-iec104-tls",   "rtu-journal",
+				       "rtu-logic",  "rtu-iec61850", "rtu-iec61850-tls", "rtu-snmp"};
 
 struct call {
 	long number;
@@ -49,7 +50,7 @@ static long make(const struct call *call)
 
 static const struct kind_program *program_named(const char *name)
 {
-	static const char *const kinds[] = {"modbus", "iec104", "journal", "logic", "iec61850"};
+	static const char *const kinds[] = {"modbus", "iec104", "journal", "logic", "iec61850", "snmp"};
 
 	for (size_t i = 0; i < COUNT(kinds); i++) {
 		const struct kind *kind = kinds_find(kinds[i]);
@@ -170,6 +171,8 @@ static const struct {
      {SYS_openat, {-1, 0, O_RDWR}}},
     {"rtu-modbus rtu-iec104 rtu-iec104-tls rtu-journal rtu-logic rtu-iec61850-tls",
      {SYS_openat, {-1, 0, O_RDONLY}}},
+    {"rtu-snmp", {SYS_statfs, {0}}},
+    {"rtu-snmp", {SYS_ioctl, {-1, SIOCETHTOOL}}},
     {"rtu-journal", {SYS_openat, {-1, 0, O_RDWR | O_CREAT}}},
     {"rtu-journal", {SYS_renameat, {-1}}},
     {"rtu-journal", {SYS_unlinkat, {-1}}},

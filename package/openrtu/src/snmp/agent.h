@@ -9,6 +9,7 @@
 #include "map/map.h"
 #include "map/type.h"
 #include "snmp/config.h"
+#include "snmp/machine.h"
 #include "snmp/shared.h"
 #include "snmp/sink.h"
 #include "snmp/tree.h"
@@ -166,6 +167,7 @@ struct snmp_agent {
 	uint32_t boots;
 	struct snmp_position position;
 	struct snmp_sink_run sinks[SNMP_SINKS_MAX];
+	struct snmp_machine machine;
 	uint32_t (*statistic)(enum snmp_statistic which); /* of the messages, NULL: nobody counts */
 	/* What holds for a message. */
 	int64_t now_ns;
@@ -320,6 +322,9 @@ void snmp_point_index(const struct snmp_agent *agent, enum snmp_list list, uint3
 		      uint32_t out[SNMP_INDEX_MAX]);
 
 extern const struct snmp_table snmp_system_scalars[7], snmp_engine_scalars[4];
+extern const struct snmp_table snmp_interface_count, snmp_interface_tables[4], snmp_interface_extras[4],
+    snmp_interfaces_changed;
+extern const struct snmp_table snmp_machine_uptime, snmp_memory_size, snmp_storage_table;
 extern const struct snmp_table snmp_message_groups[3], snmp_dispatch_group, snmp_context_group,
     snmp_usm_group;
 extern const struct snmp_table snmp_station_scalars[5], snmp_device_table, snmp_initialised_table;

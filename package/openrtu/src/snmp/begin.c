@@ -13,8 +13,14 @@ static const struct snmp_table *const system_tables[] = {
     &snmp_system_scalars[0], &snmp_system_scalars[1], &snmp_system_scalars[2], &snmp_system_scalars[3],
     &snmp_system_scalars[4], &snmp_system_scalars[5], &snmp_system_scalars[6]};
 
-static const struct snmp_table *const message_tables[] = {&snmp_message_groups[0], &snmp_message_groups[1],
-							  &snmp_message_groups[2]};
+/* Of mib-2, behind system. */
+static const struct snmp_table *const mib_2_tables[] = {
+    &snmp_interface_count,     &snmp_interface_tables[0], &snmp_interface_tables[1],
+    &snmp_interface_tables[2], &snmp_interface_tables[3], &snmp_message_groups[0],
+    &snmp_message_groups[1],   &snmp_message_groups[2],   &snmp_machine_uptime,
+    &snmp_memory_size,         &snmp_storage_table,       &snmp_interface_extras[0],
+    &snmp_interface_extras[1], &snmp_interface_extras[2], &snmp_interface_extras[3],
+    &snmp_interfaces_changed};
 static const struct snmp_table *const dispatch_tables[] = {&snmp_dispatch_group};
 static const struct snmp_table *const context_tables[] = {&snmp_context_group};
 static const struct snmp_table *const usm_tables[] = {&snmp_usm_group};
@@ -45,7 +51,7 @@ static const struct snmp_table *const station_tables[] = {
 	}
 static const struct snmp_root roots[SNMP_ROOTS] = {
     ROOT(system_tables, 1, 3, 6, 1, 2, 1, 1),
-    ROOT(message_tables, 1, 3, 6, 1, 2, 1),
+    ROOT(mib_2_tables, 1, 3, 6, 1, 2, 1),
     {.tables = station_tables, .count = COUNT(station_tables)},
     ROOT(engine_tables, 1, 3, 6, 1, 6, 3, 10, 2, 1),
     ROOT(dispatch_tables, 1, 3, 6, 1, 6, 3, 11, 2),

@@ -73,6 +73,16 @@ struct snmp_position {
 	uint32_t last; /* number of the newest event, 0: none yet */
 };
 
+#define SNMP_INTERFACES_MAX 64
+#define SNMP_MOUNTS_MAX     16
+#define SNMP_NUMBERED_SIZE  60
+
+/* What has come and gone keeps its number for when it comes again. */
+struct snmp_numbered {
+	uint32_t number; /* 0: none */
+	char name[SNMP_NUMBERED_SIZE];
+};
+
 struct snmp_shared {
 	_Atomic uint32_t counters[SNMP_COUNT_OF_COUNTERS];
 	_Atomic uint32_t confirmed[SNMP_SINKS_MAX]; /* number of the last event that a sink has */
@@ -85,6 +95,8 @@ struct snmp_shared {
 	_Atomic uint32_t taken[SNMP_USERS_MAX][2]; /* by a user who polls, of class 1 and 2 */
 	uint8_t initialised[SNMP_NO_CA / 8 + 1];   /* stations whose initialisation has been told to end */
 	bool changed;                              /* those that it has not are of a changed configuration */
+	struct snmp_numbered interfaces[SNMP_INTERFACES_MAX]; /* ifIndex */
+	struct snmp_numbered mounts[SNMP_MOUNTS_MAX];         /* hrStorageIndex */
 	map_latch latch;
 	struct snmp_position copies[2];
 	struct snmp_event events[SNMP_EVENTS]; /* number n is at n modulo SNMP_EVENTS */

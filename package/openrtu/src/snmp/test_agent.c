@@ -4,6 +4,7 @@
 #include "snmp/keys.h"
 #include "snmp/sink.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -45,6 +46,39 @@ static void start_agent(struct fixture *fixture)
 	fixture->map = start(fixture->stage, "rtu-iec104");
 	fixture->shared = calloc(1, sizeof(*fixture->shared));
 	assert_true(snmp_begin(&fixture->agent, fixture->map, fixture->shared));
+}
+
+static struct snmp_interface interface_named(const char *name, uint32_t kernel)
+{
+	struct snmp_interface interface = {.kernel = kernel, .link = SNMP_LINK_UP};
+
+	strcpy(interface.name, name);
+	return interface;
+}
+
+static void come(struct snmp_agent *agent, const char *name, uint32_t kernel)
+{
+	const struct snmp_interface interface = interface_named(name, kernel);
+
+	snmp_interface_is(agent, &interface);
+}
+
+static void mount(struct snmp_agent *agent, const char *name, uint64_t size)
+{
+	struct snmp_storage storage = {
+	    .type = SNMP_STORAGE_FLASH, .unit = 4096, .size = size, .used = size / 2};
+
+	strcpy(storage.name, name);
+	snmp_storage_is(agent, &storage);
+}
+
+static void have_a_machine(struct snmp_agent *agent)
+{
+	come(agent, "lo", 1);
+	come(agent, "eth0", 2);
+	mount(agent, "/", 1000);
+	mount(agent, "/data", 2000);
+	agent->machine.up_ns = NS_PER_S;
 }
 
 static void end(struct fixture *fixture)
@@ -92,6 +126,7 @@ static void test_each_instance_is_behind_the_one_before(void **state)
 	size_t count;
 
 	start_agent(&fixture);
+	have_a_machine(&fixture.agent);
 	count = walk(&fixture.agent, names);
 	assert_true(count > 200);
 	assert_true(snmp_next(&fixture.agent, NULL, 0, SNMP_OPERATOR, &place));
@@ -129,6 +164,7 @@ static void test_the_next_of_any_name_is_the_first_behind_it(void **state)
 	size_t count;
 
 	start_agent(&fixture);
+	have_a_machine(&fixture.agent);
 	count = walk(&fixture.agent, names);
 	for (unsigned i = 0; i < 20000; i++) {
 		const struct name name = any_name(names, count, &seed);
@@ -145,6 +181,129 @@ static void test_the_next_of_any_name_is_the_first_behind_it(void **state)
 		next.length = snmp_name(&fixture.agent, &place, next.ids);
 		assert_int_equal(order(&next, &names[expected]), 0);
 	}
+	end(&fixture);
+}
+
+/* ---- the machine ------------------------------------------------------------------------- */
+
+/* ifIndex. 0: there is none of this name. */
+static uint32_t number_of(const struct snmp_agent *agent, const char *name)
+{
+	for (uint32_t i = 0; i < agent->machine.interface_count; i++)
+		if (strcmp(agent->machine.interfaces[i].name, name) == 0)
+			return agent->machine.interfaces[i].number;
+	return 0;
+}
+
+static void test_an_interface_has_one_number(void **state)
+{
+	struct fixture fixture = begin(state);
+	struct snmp_agent *agent = &fixture.agent, next;
+
+	start_agent(&fixture);
+	have_a_machine(agent);
+	come(agent, "ppp0", 3);
+	assert_int_equal(number_of(agent, "ppp0"), 3);
+	agent->now_ns += NS_PER_S;
+	snmp_interface_gone(agent, 3);
+	assert_int_equal(number_of(agent, "ppp0"), 0);
+	assert_int_equal(agent->machine.interfaces_changed_ns, agent->now_ns);
+	come(agent, "ppp0", 7);
+	assert_int_equal(number_of(agent, "ppp0"), 3);
+	assert_int_equal(agent->machine.interfaces[2].came_ns, agent->now_ns);
+	come(agent, "eth1", 3); /* moved here from elsewhere, with a number that is another's */
+	assert_int_equal(number_of(agent, "eth1"), 4);
+	come(agent, "wan", 7); /* a new name */
+	assert_int_equal(number_of(agent, "wan"), 3);
+	come(agent, "ppp0", 8);
+	assert_int_equal(number_of(agent, "ppp0"), 8);
+	assert_true(snmp_begin(&next, fixture.map, fixture.shared));
+	come(&next, "eth1", 5);
+	come(&next, "wan", 9);
+	come(&next, "lo", 1);
+	assert_int_equal(number_of(&next, "eth1"), 4);
+	assert_int_equal(number_of(&next, "wan"), 3);
+	assert_int_equal(next.machine.interfaces[0].number, 1); /* in order */
+	assert_int_equal(next.machine.interfaces[0].changed_ns, 0);
+	snmp_end(&next);
+	end(&fixture);
+}
+
+static void test_the_list_of_interfaces_takes_its_place(void **state)
+{
+	struct fixture fixture = begin(state);
+	struct snmp_agent *agent = &fixture.agent;
+
+	start_agent(&fixture);
+	have_a_machine(agent);
+	snmp_interfaces_before(agent);
+	come(agent, "eth0", 2);
+	come(agent, "usb0", 3);
+	snmp_interfaces_after(agent);
+	assert_int_equal(number_of(agent, "lo"), 0);
+	assert_int_equal(agent->machine.interface_count, 2);
+	assert_int_equal(agent->machine.interfaces[0].changed_ns, 0); /* as it was */
+	end(&fixture);
+}
+
+static void test_of_too_many_the_first_are_told(void **state)
+{
+	struct fixture fixture = begin(state);
+	struct snmp_agent *agent = &fixture.agent;
+	char name[SNMP_NUMBERED_SIZE];
+
+	start_agent(&fixture);
+	for (uint32_t round = 0; round < 3; round++) { /* more names than are kept */
+		for (uint32_t i = 1; i <= 2 * SNMP_INTERFACES_MAX; i++) {
+			snprintf(name, SNMP_IF_NAME_SIZE, "veth%u-%u", round, i);
+			come(agent, name, 1000 * round + i);
+			snprintf(name, sizeof(name), "/mnt/%u/%u", round, i);
+			mount(agent, name, 1);
+		}
+		assert_int_equal(agent->machine.interface_count, SNMP_INTERFACES_MAX);
+		assert_int_equal(agent->machine.storage_count, SNMP_MOUNTS_MAX);
+		for (uint32_t i = 1; i < SNMP_INTERFACES_MAX; i++)
+			assert_true(agent->machine.interfaces[i].number >
+				    agent->machine.interfaces[i - 1].number);
+		snmp_interfaces_before(agent);
+		snmp_interfaces_after(agent);
+		snmp_storages_before(agent);
+		snmp_storages_after(agent);
+	}
+	assert_int_equal(agent->machine.interface_count, 0);
+	assert_int_equal(agent->machine.storage_count, 0);
+	end(&fixture);
+}
+
+static int64_t number_at(struct snmp_agent *agent, const uint32_t *ids, size_t length)
+{
+	static struct snmp_value value;
+	struct snmp_place place;
+
+	assert_true(snmp_find(agent, ids, length, &place));
+	assert_true(snmp_table_at(agent, &place)->read(agent, place.column, place.row, &value));
+	return value.number;
+}
+
+/* RFC 2790: hrStorageSize is an Integer32. */
+static void test_a_large_storage_has_large_units(void **state)
+{
+	static const uint32_t column[] = {1, 3, 6, 1, 2, 1, 25, 2, 3, 1};
+	struct fixture fixture = begin(state);
+	uint32_t ids[12];
+	int64_t numbers[3];
+
+	start_agent(&fixture);
+	mount(&fixture.agent, "/", UINT64_C(1) << 40); /* of 4096 octets each */
+	memcpy(ids, column, sizeof(column));
+	ids[11] = 31;
+	for (uint32_t i = 0; i < 3; i++) {
+		ids[10] = 4 + i; /* units, size, used */
+		numbers[i] = number_at(&fixture.agent, ids, 12);
+		assert_in_range(numbers[i], 1, INT32_MAX);
+	}
+	assert_true(numbers[0] * numbers[1] == INT64_C(4096) << 40);
+	assert_true(numbers[0] * numbers[2] == INT64_C(2048) << 40);
 	end(&fixture);
 }
 
@@ -343,6 +502,10 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 	    TEST(test_each_instance_is_behind_the_one_before),
 	    TEST(test_the_next_of_any_name_is_the_first_behind_it),
+	    TEST(test_an_interface_has_one_number),
+	    TEST(test_the_list_of_interfaces_takes_its_place),
+	    TEST(test_of_too_many_the_first_are_told),
+	    TEST(test_a_large_storage_has_large_units),
 	    TEST(test_keys_are_taken_whole_or_not_at_all),
 	    TEST(test_a_window_is_confirmed_in_order),
 	    TEST(test_a_silent_sink_is_probed_and_loses_nothing),

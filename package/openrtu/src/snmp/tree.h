@@ -27,6 +27,7 @@ enum snmp_syntax {
 	SNMP_COUNTER = 0x41,
 	SNMP_GAUGE = 0x42,
 	SNMP_TICKS = 0x43,
+	SNMP_COUNTER_64 = 0x46,
 };
 
 struct snmp_value {

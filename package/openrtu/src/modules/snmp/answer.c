@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "modules/snmp/kernel.h"
 #include "snmp/write.h"
 
 #define SET_VARBINDS_MAX 64
@@ -53,6 +54,8 @@ static long size_of_value(const struct snmp_value *value)
 		return size_of_name(value->ids, value->size);
 	case 0:
 		return 2;
+	case SNMP_COUNTER_64: /* what has the highest bit has one octet before it */
+		return 2 + (value->number < 0 ? 9 : size_of_number(value->number));
 	default:
 		return 2 + size_of_number(value->number);
 	}
@@ -72,6 +75,8 @@ long answer_overhead(const struct snmp_agent *agent, size_t name_size)
 static void put_value(netsnmp_variable_list *variable, const struct snmp_value *value)
 {
 	long number = (long)value->number;
+	const struct counter64 counter = {.high = (u_long)((uint64_t)value->number >> 32),
+					  .low = (uint32_t)value->number};
 	oid ids[SNMP_IDS_MAX];
 
 	switch (value->syntax) {
@@ -82,6 +87,9 @@ static void put_value(netsnmp_variable_list *variable, const struct snmp_value *
 		for (unsigned i = 0; i < value->size; i++)
 			ids[i] = value->ids[i];
 		snmp_set_var_typed_value(variable, ASN_OBJECT_ID, ids, value->size * sizeof(oid));
+		break;
+	case SNMP_COUNTER_64:
+		snmp_set_var_typed_value(variable, ASN_COUNTER64, &counter, sizeof(counter));
 		break;
 	default:
 		snmp_set_var_typed_value(variable, value->syntax, &number, sizeof(number));
@@ -421,8 +429,10 @@ static void make_response(struct snmp_agent *agent, const netsnmp_pdu *pdu, nets
 	size_t index = 0;
 	uint8_t user;
 
-	if (may_ask(agent, pdu, &user))
+	if (may_ask(agent, pdu, &user)) {
+		kernel_look(agent);
 		error = answer(agent, reply, user, &index);
+	}
 	if (error == SNMP_AUTHORIZATION_ERROR || error == SNMP_NO_ACCESS)
 		map_count(&agent->shared->counters[SNMP_COUNT_DENIED], 1);
 	reply->command = SNMP_MSG_RESPONSE;

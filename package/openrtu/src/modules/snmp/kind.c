@@ -4,6 +4,7 @@
 
 #include <arpa/inet.h>
 #include <errno.h>
+#include <linux/sockios.h>
 #include <stddef.h>
 #include <string.h>
 #include <sys/socket.h>
@@ -19,9 +20,11 @@
 #define USER 16 /* behind those that programs of rtu-logic take, before those of others */
 
 static const struct call_rule calls[] = {
-    CALL(poll),      CALL(ppoll_time64), CALL(ppoll), CALL(recvmsg), CALL(sendmsg),
-    CALL(recvfrom),  CALL(sendto),       CALL(recv),  CALL(times), /* libnetsnmp: ticks */
-    CALL(getrandom), CALL(futex_time64), CALL(futex),              /* libcrypto */
+    CALL(poll),         CALL(ppoll_time64), CALL(ppoll),    CALL(recvmsg), CALL(sendmsg),
+    CALL(recvfrom),     CALL(sendto),       CALL(recv),     CALL(times), /* libnetsnmp: ticks */
+    CALL(getrandom),    CALL(futex_time64), CALL(futex),                 /* libcrypto */
+    CALL(pread64),      CALL(statfs),       CALL(statfs64), /* the machine: modules/snmp/kernel.c */
+    IOCTL(SIOCETHTOOL),
 };
 
 static const struct kind_program program = {

@@ -11,6 +11,7 @@
 #include "modules/module.h"
 #include "modules/snmp/answer.h"
 #include "modules/snmp/engine.h"
+#include "modules/snmp/kernel.h"
 #include "modules/snmp/notify.h"
 #include "modules/snmp/wire.h"
 
@@ -67,6 +68,7 @@ static bool start(const struct options *options, struct snmp_shared *shared)
 		return false;
 	}
 	name_counters(shared);
+	kernel_begin(&agent);
 	return true;
 }
 
@@ -87,6 +89,7 @@ static int serve(void)
 	map_bell_clear(map);
 	wire_read(wire, MESSAGES_A_TURN);
 	snmp_new_message(&agent);
+	kernel_hear(&agent);
 	more = snmp_events_take(&agent);
 	busy = snmp_tick(&agent);
 	busy |= notify_run(&agent);
@@ -95,17 +98,18 @@ static int serve(void)
 
 static void run(int stop)
 {
-	struct pollfd waits[3 + SNMP_SINKS_MAX] = {
+	struct pollfd waits[4 + SNMP_SINKS_MAX] = {
 	    {.fd = stop, .events = POLLIN},
 	    {.fd = map_bell_fd(map), .events = POLLIN},
 	    {.fd = wire_fd(wire), .events = POLLIN},
+	    {.fd = kernel_fd(), .events = POLLIN},
 	};
 	const uint32_t sinks = agent.settings->sink_count;
 
 	for (uint32_t i = 0; i < sinks; i++)
-		waits[3 + i] = (struct pollfd){.fd = notify_fd(i), .events = POLLIN};
+		waits[4 + i] = (struct pollfd){.fd = notify_fd(i), .events = POLLIN};
 	while (map_may_run(map) && (waits[0].revents & POLLIN) == 0)
-		poll(waits, 3 + sinks, serve());
+		poll(waits, 4 + sinks, serve());
 }
 
 int main(int argc, char **argv)

@@ -451,13 +451,15 @@ static bool add_users(const struct snmp_agent *agent, const struct snmp_keyring 
 	return good;
 }
 
+#define NO_FOLDER "/dev/null/none" /* below a file not even root makes one, as the library would */
+
 /* Nothing of the machine's Net-SNMP: neither its files nor what they say, and no MIB. */
 static void keep_to_itself(void)
 {
 	setenv("MIBS", "", 1);
-	setenv("MIBDIRS", "/nonexistent", 1);
-	setenv("SNMPCONFPATH", "/nonexistent", 1);
-	setenv("SNMP_PERSISTENT_DIR", "/nonexistent", 1);
+	setenv("MIBDIRS", NO_FOLDER, 1);
+	setenv("SNMPCONFPATH", NO_FOLDER, 1);
+	setenv("SNMP_PERSISTENT_DIR", NO_FOLDER, 1);
 	netsnmp_ds_set_boolean(NETSNMP_DS_LIBRARY_ID, NETSNMP_DS_LIB_DONT_READ_CONFIGS, 1);
 	netsnmp_ds_set_boolean(NETSNMP_DS_LIBRARY_ID, NETSNMP_DS_LIB_DONT_PERSIST_STATE, 1);
 	netsnmp_ds_set_boolean(NETSNMP_DS_LIBRARY_ID, NETSNMP_DS_LIB_DISABLE_V1, 1);
