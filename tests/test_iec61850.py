@@ -476,6 +476,57 @@ def test_an_association_may_come_octet_by_octet(site: Site) -> None:
         assert client.names(9)
 
 
+def refused_initiate(site: Site, initiate: bytes) -> bytes:
+    """The answer's Initiate-ErrorPDU: behind REFUSE (12), CPR-type and an AARE that rejects for ever."""
+    client = site.client()
+    with client.socket:
+        client.send(mms.CONNECT_TRANSPORT)
+        client.packet()
+        client.send(mms.tpkt(mms.associate(initiate)))
+        refuse = client.message()
+        assert refuse[:3] == bytes([12, len(refuse) - 2, 0x32])
+        assert refuse[3:5] == bytes([len(refuse) - 4, 2])
+        ((tag, parameters),) = mms.elements(refuse[5:])
+        assert tag == mms.SEQUENCE
+        ((_, aare),) = mms.elements(
+            mms.elements(mms.elements(dict(mms.elements(parameters))[0x61])[0][1])[1][1]
+        )
+        fields = dict(mms.elements(aare))
+        assert fields[0xA2] == mms.element(mms.INTEGER, b"\1")
+        ((_, external),) = mms.elements(fields[0xBE])
+        assert client.is_closed()
+        return dict(mms.elements(external))[0xA0]
+
+
+def test_an_initiate_that_wants_too_little_is_refused(site: Site) -> None:
+    """ISO 9506-2: class initiate, other, and max-services-outstanding-called-insufficient."""
+    for octets in (0, 1, 999):
+        assert refused_initiate(site, mms.initiate(octets)) == bytes.fromhex("aa05a003880100")
+    none_called = mms.initiate().replace(bytes.fromhex("820105"), bytes.fromhex("820100"), 1)
+    assert refused_initiate(site, none_called) == bytes.fromhex("aa05a003880103")
+    with site.client(1000) as client:
+        assert client.names(9)
+
+
+def test_no_more_is_agreed_on_than_was_proposed(site: Site) -> None:
+    """Octets of a PDU, services of either side, levels of a type."""
+    for proposed, agreed in (((1000, 0, 3, 4), (1000, 0, 3, 4)), ((65000, 9, 99, 99), (2000, 1, 16, 10))):
+        tags = range(0x80, 0x84)
+        parts = [
+            mms.element(tag, b"\0" + number.to_bytes(2, "big"))
+            for tag, number in zip(tags, proposed, strict=True)
+        ]
+        client = site.client()
+        with client.socket:
+            client.send(mms.CONNECT_TRANSPORT)
+            client.packet()
+            client.send(mms.tpkt(mms.associate(mms.element(0xA8, *parts))))
+            answer = client.message()
+            (response,) = mms.elements(answer[answer.index(b"\xa9") :])
+            fields = dict(mms.elements(response[1]))
+            assert tuple(int.from_bytes(fields[tag], "big") for tag in tags) == agreed
+
+
 def test_requests_may_be_piped(site: Site) -> None:
     """Four with one number, then two hundred: each is answered, in order."""
     with site.client() as client:

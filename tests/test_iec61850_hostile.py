@@ -80,7 +80,9 @@ ASSOCIATIONS = {
     "no Initiate": tpkt(mms.associate(b"")),
     "an Initiate without content": tpkt(mms.associate(element(0xA8))),
     "a request instead": tpkt(mms.associate(mms.request(1, mms.read((DOMAIN, "LLN0"))))),
-    "a PDU of no octets": tpkt(mms.associate(mms.initiate(0))),
+    "a PDU of less than none": tpkt(
+        mms.associate(mms.element(0xA8, mms.element(0x80, b"\xff"), mms.element(0x82, b"\5")))
+    ),
     "data": tpkt(mms.data(mms.request(1, mms.read((DOMAIN, "LLN0"))))),
     "an end": tpkt(spdu(9)),
     "nothing": tpkt(b""),

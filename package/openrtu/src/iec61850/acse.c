@@ -24,7 +24,10 @@ bool iec61850_acse_request(const struct ber_element *acse, struct ber_element *m
 	return ber_follow(acse, path, sizeof(path) / sizeof(path[0]), mms);
 }
 
-void iec61850_acse_accept(struct ber_writer *writer, int8_t context, size_t end)
+enum { ACCEPTED = 0, REJECTED_PERMANENT = 1 };
+enum { NO_DIAGNOSTIC = 0, NO_REASON = 1 };
+
+void iec61850_acse_answer(struct ber_writer *writer, int8_t context, bool accepted, size_t end)
 {
 	size_t part;
 
@@ -33,11 +36,11 @@ void iec61850_acse_accept(struct ber_writer *writer, int8_t context, size_t end)
 	ber_close(writer, EXTERNAL, end);
 	ber_close(writer, USER_INFORMATION, end);
 	part = writer->at;
-	ber_put_integer(writer, BER_INTEGER, 0);
+	ber_put_integer(writer, BER_INTEGER, accepted ? NO_DIAGNOSTIC : NO_REASON);
 	ber_close(writer, DIAGNOSTIC_OF_USER, part);
 	ber_close(writer, DIAGNOSTIC, part);
 	part = writer->at;
-	ber_put_integer(writer, BER_INTEGER, 0);
+	ber_put_integer(writer, BER_INTEGER, accepted ? ACCEPTED : REJECTED_PERMANENT);
 	ber_close(writer, RESULT, part);
 	part = writer->at;
 	ber_put(writer, BER_OBJECT_IDENTIFIER, mms_context, sizeof(mms_context));

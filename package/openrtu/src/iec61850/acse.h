@@ -7,8 +7,8 @@
 
 /* Reads an AARQ: what it carries for MMS. acse: what presentation carries. */
 bool iec61850_acse_request(const struct ber_element *acse, struct ber_element *mms);
-/* Puts an AARE that accepts before what writer holds since end. context: the number of MMS. */
-void iec61850_acse_accept(struct ber_writer *writer, int8_t context, size_t end);
+/* Puts an AARE before what writer holds since end. context: the number of MMS. accepted: false rejects for ever. */
+void iec61850_acse_answer(struct ber_writer *writer, int8_t context, bool accepted, size_t end);
 /* Puts an RLRE. */
 void iec61850_acse_released(struct ber_writer *writer);
 

@@ -33,25 +33,42 @@ static void envelop(struct iec61850_association *association, struct ber_writer 
 		send(association, writer, end);
 }
 
-/* False: what comes is no request for an association with MMS. */
+static void put_answer(struct iec61850_association *association, const struct iec61850_session *connect,
+		       const struct ber_element *called, bool accepted, struct ber_writer *writer, size_t end)
+{
+	iec61850_acse_answer(writer, association->contexts.mms, accepted, end);
+	if (accepted) {
+		iec61850_presentation_accept(writer, &association->contexts, called, end);
+		iec61850_session_write(writer, IEC61850_SPDU_ACCEPT, end, &connect->called);
+	} else {
+		iec61850_presentation_reject(writer, &association->contexts, called, end);
+		iec61850_session_write(writer, IEC61850_SPDU_REFUSE, end, NULL);
+	}
+}
+
+/* False: what comes is no request for an association with MMS. One that wants too little is told so, and left. */
 static bool associate(struct iec61850_association *association, const struct iec61850_session *connect,
 		      struct iec61850_server *server, struct ber_writer *writer)
 {
 	const size_t end = writer->at;
+	enum iec61850_initiation initiation;
 	struct ber_element called, acse, mms;
 
 	if (connect->kind != IEC61850_SPDU_CONNECT ||
 	    !iec61850_presentation_connect(&connect->user_data, &association->contexts, &called, &acse) ||
-	    !iec61850_acse_request(&acse, &mms) || !iec61850_initiate(&mms, &association->max_pdu, writer))
+	    !iec61850_acse_request(&acse, &mms))
 		return false;
-	iec61850_acse_accept(writer, association->contexts.mms, end);
-	iec61850_presentation_accept(writer, &association->contexts, &called, end);
-	iec61850_session_write(writer, IEC61850_SPDU_ACCEPT, end, &connect->called);
+	initiation = iec61850_initiate(&mms, &association->max_pdu, writer);
+	if (initiation == IEC61850_NO_INITIATE)
+		return false;
+	put_answer(association, connect, &called, initiation == IEC61850_INITIATED, writer, end);
 	if (writer->full)
 		return false;
 	send(association, writer, end);
-	association->associated = true;
-	iec61850_count(server, IEC61850_COUNT_ASSOCIATIONS);
+	association->associated = initiation == IEC61850_INITIATED;
+	association->leaving = !association->associated;
+	if (association->associated)
+		iec61850_count(server, IEC61850_COUNT_ASSOCIATIONS);
 	return true;
 }
 

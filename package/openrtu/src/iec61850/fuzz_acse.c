@@ -11,14 +11,14 @@ enum { AARE = 0x61, USER_INFORMATION = 0xbe, EXTERNAL = 0x28, SINGLE_TYPE = 0xa0
 
 static uint8_t octets[OCTETS_MAX];
 
-static void accept(const struct ber_element *carried)
+static void answer(const struct ber_element *carried, bool accepted)
 {
 	static const uint32_t path[] = {AARE, USER_INFORMATION, EXTERNAL, SINGLE_TYPE};
 	struct ber_writer writer = {.octets = octets, .at = sizeof(octets)};
 	struct ber_element whole, again, mms;
 
 	ber_put_octets(&writer, carried->value, carried->size);
-	iec61850_acse_accept(&writer, 3, sizeof(octets));
+	iec61850_acse_answer(&writer, 3, accepted, sizeof(octets));
 	whole = written(&writer, sizeof(octets));
 	CHECK(ber_follow(&whole, path, sizeof(path) / sizeof(path[0]), &again));
 	check_same(&again, carried);
@@ -35,6 +35,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	if (!iec61850_acse_request(&whole, &mms))
 		return 0;
 	check_inside(&mms, &whole);
-	accept(&mms);
+	answer(&mms, true);
+	answer(&mms, false);
 	return 0;
 }

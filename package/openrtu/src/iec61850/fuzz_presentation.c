@@ -46,6 +46,21 @@ static void accept(const struct iec61850_contexts *contexts, const struct ber_el
 		check_same(&selector, called);
 }
 
+static void reject(const struct iec61850_contexts *contexts, const struct ber_element *called,
+		   const struct ber_element *carried)
+{
+	struct ber_writer writer = {.octets = octets, .at = sizeof(octets)};
+	struct ber_element whole, normal;
+	struct ber_reader reader;
+
+	ber_put_octets(&writer, carried->value, carried->size);
+	iec61850_presentation_reject(&writer, contexts, called, sizeof(octets));
+	whole = written(&writer, sizeof(octets));
+	reader = ber_inside(&whole);
+	CHECK(ber_expect(&reader, BER_SEQUENCE, &normal) && reader.at == reader.end);
+	check_results(&normal, contexts);
+}
+
 static void connect(const struct ber_element *whole)
 {
 	struct iec61850_contexts contexts;
@@ -59,6 +74,7 @@ static void connect(const struct ber_element *whole)
 	if (called.size > 0)
 		check_inside(&called, whole);
 	accept(&contexts, &called, &acse);
+	reject(&contexts, &called, &acse);
 }
 
 static void read_data(const struct ber_element *whole, int8_t context)

@@ -12,6 +12,7 @@ enum {
 	REJECT = 0xa4,
 	INITIATE_REQUEST = 0xa8,
 	INITIATE_RESPONSE = 0xa9,
+	INITIATE_ERROR = 0xaa,
 	CONCLUDE_REQUEST = 0x8b,
 	CONCLUDE_RESPONSE = 0x8c,
 };
@@ -39,6 +40,9 @@ enum {
 enum { OF_REQUEST = 0x81, UNRECOGNIZED_SERVICE = 1, OTHER_REASON = 0, INVALID_ARGUMENT = 4 };
 enum { OF_PDU = 0x85, UNKNOWN_PDU = 0, INVALID_PDU = 1 };
 
+/* Codes of an Initiate-ErrorPDU. */
+enum { OTHER = 0, CALLED_INSUFFICIENT = 3 };
+
 #define INVOKE_ID_MAX UINT32_MAX
 
 /* ---- initiate ---------------------------------------------------------------------------- */
@@ -47,33 +51,61 @@ enum { OF_PDU = 0x85, UNKNOWN_PDU = 0, INVALID_PDU = 1 };
 static const uint8_t parameters[] = {5, 0xe1, 0x00};
 static const uint8_t services[] = {3, 0xee, 0x1c, 0, 0, 0, 0, 0, 0, 0, 0xe5, 0x10};
 
-bool iec61850_initiate(const struct ber_element *request, uint32_t *max_pdu, struct ber_writer *writer)
-{
-	enum { NEST_MAX = 10, OUTSTANDING_MAX = 16, VERSION = 1 };
-	const size_t end = writer->at;
-	struct ber_element initiate, proposed;
-	int64_t octets = *max_pdu, outstanding = OUTSTANDING_MAX;
+enum { NEST_MAX = 10, CALLING_MAX = 1, CALLED_MAX = 16, VERSION = 1 };
 
-	if (!ber_find(request, INITIATE_REQUEST, &initiate))
-		return false;
-	if (ber_find(&initiate, 0x80, &proposed) && !ber_integer(&proposed, &octets))
-		return false;
-	if (!ber_find(&initiate, 0x82, &proposed) || !ber_integer(&proposed, &outstanding) || outstanding < 1)
-		return false;
+/* What is proposed of a parameter, or what holds if nothing is. False: it is no number, or below 0. */
+static bool proposed(const struct ber_element *initiate, uint32_t tag, int64_t if_none, int64_t *out)
+{
+	struct ber_element element;
+
+	*out = if_none;
+	return !ber_find(initiate, tag, &element) || (ber_integer(&element, out) && *out >= 0);
+}
+
+/* Of class initiate (ISO 9506-2, 7.4.3). There is no code for a size, which is a local detail. */
+static enum iec61850_initiation refuse_initiate(struct ber_writer *writer, int code)
+{
+	const size_t end = writer->at;
+
+	ber_put_integer(writer, 0x88, code);
+	ber_close(writer, 0xa0, end);
+	ber_close(writer, INITIATE_ERROR, end);
+	return IEC61850_NOT_INITIATED;
+}
+
+static int64_t at_most(int64_t number, int64_t most)
+{
+	return number < most ? number : most;
+}
+
+/* What is agreed on is no more than what was proposed. */
+enum iec61850_initiation iec61850_initiate(const struct ber_element *request, uint32_t *max_pdu,
+					   struct ber_writer *writer)
+{
+	const size_t end = writer->at;
+	struct ber_element initiate;
+	int64_t octets, calling, called, nest;
+
+	if (!ber_find(request, INITIATE_REQUEST, &initiate) ||
+	    !proposed(&initiate, 0x80, *max_pdu, &octets) ||
+	    !proposed(&initiate, 0x81, CALLING_MAX, &calling) || !proposed(&initiate, 0x82, -1, &called) ||
+	    called < 0 || !proposed(&initiate, 0x83, NEST_MAX, &nest))
+		return IEC61850_NO_INITIATE;
 	if (octets < IEC61850_PDU_MIN)
-		return false;
-	if (octets < *max_pdu)
-		*max_pdu = (uint32_t)octets;
+		return refuse_initiate(writer, OTHER);
+	if (called < 1)
+		return refuse_initiate(writer, CALLED_INSUFFICIENT);
+	*max_pdu = (uint32_t)at_most(octets, *max_pdu);
 	ber_put(writer, 0x82, services, sizeof(services));
 	ber_put(writer, 0x81, parameters, sizeof(parameters));
 	ber_put_integer(writer, 0x80, VERSION);
 	ber_close(writer, 0xa4, end);
-	ber_put_integer(writer, 0x83, NEST_MAX);
-	ber_put_integer(writer, 0x82, outstanding < OUTSTANDING_MAX ? outstanding : OUTSTANDING_MAX);
-	ber_put_integer(writer, 0x81, 1); /* what we call: nothing */
+	ber_put_integer(writer, 0x83, at_most(nest, NEST_MAX));
+	ber_put_integer(writer, 0x82, at_most(called, CALLED_MAX));
+	ber_put_integer(writer, 0x81, at_most(calling, CALLING_MAX)); /* what we call: nothing */
 	ber_put_integer(writer, 0x80, *max_pdu);
 	ber_close(writer, INITIATE_RESPONSE, end);
-	return true;
+	return IEC61850_INITIATED;
 }
 
 /* ---- services that are short ------------------------------------------------------------- */

@@ -93,8 +93,15 @@ enum iec61850_outcome {
 	IEC61850_SILENT, /* nothing is to be said */
 };
 
-/* Answers an Initiate. The greatest PDU of the association is in max_pdu afterwards. False: it is none, or wants too little. */
-bool iec61850_initiate(const struct ber_element *request, uint32_t *max_pdu, struct ber_writer *writer);
+enum iec61850_initiation {
+	IEC61850_NO_INITIATE,
+	IEC61850_INITIATED,     /* the greatest PDU of the association is in max_pdu */
+	IEC61850_NOT_INITIATED, /* it wants too little: the answer is an Initiate-ErrorPDU */
+};
+
+/* Answers an Initiate. */
+enum iec61850_initiation iec61850_initiate(const struct ber_element *request, uint32_t *max_pdu,
+					   struct ber_writer *writer);
 /* Answers any other PDU, which octets hold. writer has room for a PDU of the association's greatest size. */
 enum iec61850_outcome iec61850_serve(struct iec61850_server *server, const struct ber_element *octets,
 				     struct ber_writer *writer);

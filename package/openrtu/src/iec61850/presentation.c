@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "iec61850/presentation.h"
 
-/* Tags of CP-type, CPA-type and User-data (8.2, 8.4). */
+/* Tags of CP-type, CPA-type, CPR-type and User-data (8.2, 8.4). */
 enum {
 	CP_TYPE = 0x31,
 	MODE = 0xa0,
@@ -78,8 +78,9 @@ bool iec61850_presentation_read(const struct ber_element *octets, int8_t context
 	return ber_expect(&reader, USER_DATA, &user) && read_list(&user, context, out);
 }
 
-void iec61850_presentation_accept(struct ber_writer *writer, const struct iec61850_contexts *contexts,
-				  const struct ber_element *called, size_t end)
+/* What follows the mode, or in a CPR-type is all. */
+static void put_parameters(struct ber_writer *writer, const struct iec61850_contexts *contexts,
+			   const struct ber_element *called, size_t end)
 {
 	size_t list;
 
@@ -98,11 +99,26 @@ void iec61850_presentation_accept(struct ber_writer *writer, const struct iec618
 	ber_close(writer, CONTEXT_RESULTS, list);
 	if (called->size > 0)
 		ber_put(writer, RESPONDING_SELECTOR, called->value, called->size);
+}
+
+void iec61850_presentation_accept(struct ber_writer *writer, const struct iec61850_contexts *contexts,
+				  const struct ber_element *called, size_t end)
+{
+	size_t mode;
+
+	put_parameters(writer, contexts, called, end);
 	ber_close(writer, NORMAL_MODE, end);
-	list = writer->at;
+	mode = writer->at;
 	ber_put_integer(writer, MODE_VALUE, 1);
-	ber_close(writer, MODE, list);
+	ber_close(writer, MODE, mode);
 	ber_close(writer, CP_TYPE, end);
+}
+
+void iec61850_presentation_reject(struct ber_writer *writer, const struct iec61850_contexts *contexts,
+				  const struct ber_element *called, size_t end)
+{
+	put_parameters(writer, contexts, called, end);
+	ber_close(writer, BER_SEQUENCE, end);
 }
 
 void iec61850_presentation_write(struct ber_writer *writer, int8_t context, size_t end)

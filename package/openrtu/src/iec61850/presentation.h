@@ -22,6 +22,9 @@ bool iec61850_presentation_connect(const struct ber_element *octets, struct iec6
 /* Puts a CPA-type before what writer holds since end. */
 void iec61850_presentation_accept(struct ber_writer *writer, const struct iec61850_contexts *contexts,
 				  const struct ber_element *called, size_t end);
+/* Puts a CPR-type of the called user's there. */
+void iec61850_presentation_reject(struct ber_writer *writer, const struct iec61850_contexts *contexts,
+				  const struct ber_element *called, size_t end);
 /* Reads user data of this context: out is what it contains. */
 bool iec61850_presentation_read(const struct ber_element *octets, int8_t context, struct ber_element *out);
 /* Puts the header of user data before what writer holds since end. */

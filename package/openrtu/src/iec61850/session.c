@@ -2,7 +2,7 @@
 #include "iec61850/session.h"
 
 /* Identifiers of parameters (8.3). */
-enum { CALLED_SELECTOR = 0x34, USER_DATA = 0xc1 };
+enum { REASON = 0x32, CALLED_SELECTOR = 0x34, USER_DATA = 0xc1 };
 
 static const uint8_t give_tokens_and_data[] = {IEC61850_SPDU_DATA, 0, IEC61850_SPDU_DATA, 0};
 
@@ -84,13 +84,19 @@ void iec61850_session_write(struct ber_writer *writer, enum iec61850_spdu kind, 
 {
 	/* Connect/accept item: no extended concatenation, version 2; the duplex functional unit alone. */
 	static const uint8_t accept[] = {0x05, 6, 0x13, 1, 0, 0x16, 1, 2, 0x14, 2, 0, 2};
+	static const uint8_t by_user[] = {2}; /* rejected by the called user, whose data follow */
 	size_t selector;
 
 	if (kind == IEC61850_SPDU_DATA) {
 		ber_put_octets(writer, give_tokens_and_data, sizeof(give_tokens_and_data));
 		return;
 	}
-	put_header(writer, USER_DATA, end);
+	if (kind == IEC61850_SPDU_REFUSE) {
+		ber_put_octets(writer, by_user, sizeof(by_user));
+		put_header(writer, REASON, end);
+	} else {
+		put_header(writer, USER_DATA, end);
+	}
 	if (kind == IEC61850_SPDU_ACCEPT) {
 		selector = writer->at;
 		if (called->size > 0) {
