@@ -105,7 +105,7 @@ static void take_accuracy(struct gps_fix *fix, const struct nmea_report *report)
 		fix->error_mm = report->error_mm;
 	if (report->known & GPS_ERROR_VERTICAL)
 		fix->error_vertical_mm = report->error_vertical_mm;
-	if (report->known & GPS_SATELLITES)
+	if (report->satellites > fix->satellites) /* GNS counts those of all constellations */
 		fix->satellites = report->satellites;
 	if (report->dimensions > fix->dimensions) /* a constellation that is not used has 1 */
 		fix->dimensions = report->dimensions;
@@ -136,6 +136,7 @@ static void take(struct gps_burst *burst, const struct nmea_report *report)
 {
 	burst->says_fix |= report->says == NMEA_SAYS_FIX;
 	burst->says_no_fix |= report->says == NMEA_SAYS_NO_FIX;
+	burst->says_fix_of_nothing |= report->says == NMEA_SAYS_FIX_OF_NOTHING;
 	if (report->known & GPS_POSITION)
 		take_position(burst, report);
 	if (report->has_method)
@@ -179,9 +180,41 @@ static void finish_time(struct gps_burst *burst)
 	burst->fix.known |= GPS_TIME;
 }
 
+/* Satellites that the GSA of this fix name. */
+static unsigned count_used(const struct gps_burst *burst)
+{
+	unsigned count = 0;
+
+	for (unsigned i = 0; i < burst->used_count; i++)
+		count += burst->used[i].dimensions > 0 ? burst->used[i].used_count : 0;
+	return count;
+}
+
+/* Where GGA counts none or is not said, GSA counts. Nobody: it is not known. */
+static void finish_satellites(struct gps_burst *burst)
+{
+	struct gps_fix *fix = &burst->fix;
+
+	if (fix->satellites == 0)
+		fix->satellites = (uint8_t)count_used(burst);
+	if (fix->satellites > 0)
+		fix->known |= GPS_SATELLITES;
+	else
+		fix->known &= ~(uint32_t)GPS_SATELLITES;
+}
+
+/*
+ * One sentence that denies the fix is enough. A GGA that says it out of 0 satellites neither denies nor vouches: many do not
+ * count those that are not of GPS. Then GSA decides, if it is said, by whether it names one, unless GNS counts them.
+ */
 static bool has_fix(const struct gps_burst *burst)
 {
-	return burst->says_fix && !burst->says_no_fix && (burst->fix.known & GPS_POSITION) != 0;
+	const unsigned used = count_used(burst);
+	const bool of_nothing = burst->says_fix_of_nothing && burst->fix.satellites == 0,
+		   vouched = burst->says_fix || (of_nothing && used > 0),
+		   denied = burst->says_no_fix || (of_nothing && burst->used_count > 0 && used == 0);
+
+	return vouched && !denied && (burst->fix.known & GPS_POSITION) != 0;
 }
 
 /* Nothing of a place that the receiver itself does not vouch for. */
@@ -201,7 +234,8 @@ static void begin(struct gps_burst *burst)
 {
 	memset(&burst->fix, 0, offsetof(struct gps_fix, sky));
 	burst->fix.day_ms = -1;
-	burst->open = burst->timed = burst->says_fix = burst->says_no_fix = false;
+	burst->open = burst->timed = false;
+	burst->says_fix = burst->says_no_fix = burst->says_fix_of_nothing = false;
 	burst->date = 0;
 	burst->used_count = 0;
 }
@@ -215,6 +249,7 @@ static void finish(struct gps_burst *burst, struct gps_fix *fix)
 	if (burst->other_datum)
 		burst->fix.marks |= GPS_DATUM;
 	if (has_fix(burst)) {
+		finish_satellites(burst);
 		finish_time(burst);
 		if (burst->fix.method == GPS_NO_FIX)
 			burst->fix.method = GPS_AUTONOMOUS;
@@ -228,7 +263,7 @@ static void finish(struct gps_burst *burst, struct gps_fix *fix)
 /* ZDA alone says the time of a moment, of another one with some receivers, and nothing of a place. */
 static bool says_anything(const struct gps_burst *burst)
 {
-	return burst->says_fix || burst->says_no_fix;
+	return burst->says_fix || burst->says_no_fix || burst->says_fix_of_nothing;
 }
 
 bool gps_burst_end(struct gps_burst *burst, struct gps_fix *fix)

@@ -18,7 +18,8 @@ struct gps_burst {
 
 	bool open, timed; /* since the last fix: a sentence; one that tells the time */
 	bool says_fix, says_no_fix;
-	uint8_t digits; /* of the position that counts */
+	bool says_fix_of_nothing; /* GGA out of 0 satellites */
+	uint8_t digits;           /* of the position that counts */
 	enum nmea_kind position_from, method_from;
 	int32_t date;      /* of this fix; 0: not given */
 	int32_t last_date; /* days since 1970, corrected; 0: never given */

@@ -158,16 +158,21 @@ void nmea_course(struct nmea_fields *fields, unsigned place, struct nmea_report 
 void nmea_mode(struct nmea_fields *fields, unsigned place, struct nmea_report *out)
 {
 	static const char letters[] = "NADPRFEMS"; /* by enum gps_method */
-	char letter = nmea_letter(fields, place);
-	const char *found;
+	struct nmea_text text = field(fields, place);
+	long method = GPS_NO_FIX;
 
-	if (letter == 0)
+	for (size_t i = 0; i < text.size; i++) {
+		const char *found = memchr(letters, text.at[i], GPS_METHODS);
+
+		if (found == NULL)
+			return; /* of a later standard */
+		if (found - letters > method)
+			method = found - letters;
+	}
+	if (text.size == 0)
 		return;
-	found = strchr(letters, letter);
-	if (found == NULL)
-		return; /* of a later standard */
 	out->has_method = true;
-	out->method = (uint8_t)(found - letters);
+	out->method = (uint8_t)method;
 	if (out->method == GPS_NO_FIX)
 		out->says = NMEA_SAYS_NO_FIX;
 }

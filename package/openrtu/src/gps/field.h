@@ -27,7 +27,7 @@ void nmea_position(struct nmea_fields *fields, unsigned place, struct nmea_repor
 /* Speed in a unit of mm_s_milli/1000 mm/s. */
 void nmea_speed(struct nmea_fields *fields, unsigned place, int64_t mm_s_milli, struct nmea_report *out);
 void nmea_course(struct nmea_fields *fields, unsigned place, struct nmea_report *out);
-/* The mode that RMC, GLL and VTG end with since NMEA 0183 2.3. */
+/* The mode that RMC, GLL and VTG end with since NMEA 0183 2.3, and that of GNS: a letter, or one for each constellation. */
 void nmea_mode(struct nmea_fields *fields, unsigned place, struct nmea_report *out);
 /* A dilution of precision, in 0.01; 0: not known. */
 uint16_t nmea_dilution(struct nmea_fields *fields, unsigned place);

@@ -20,10 +20,35 @@ static void says(struct nmea_report *out, bool fix)
 	out->says = fix ? NMEA_SAYS_FIX : NMEA_SAYS_NO_FIX;
 }
 
+static void read_satellites(struct nmea_fields *fields, unsigned place, struct nmea_report *out)
+{
+	int64_t satellites;
+
+	if (!nmea_number(fields, place, 0, 0, SATELLITES_MAX, &satellites))
+		return;
+	out->satellites = (uint8_t)satellites;
+	out->known |= GPS_SATELLITES;
+}
+
+static void read_height(struct nmea_fields *fields, unsigned altitude_place, unsigned geoid_place,
+			struct nmea_report *out)
+{
+	int64_t altitude, geoid;
+
+	if (nmea_number(fields, altitude_place, 3, -ALTITUDE_MM, ALTITUDE_MM, &altitude)) {
+		out->altitude_mm = (int32_t)altitude;
+		out->known |= GPS_ALTITUDE;
+	}
+	if (nmea_number(fields, geoid_place, 3, -ALTITUDE_MM, ALTITUDE_MM, &geoid)) {
+		out->geoid_mm = (int32_t)geoid;
+		out->known |= GPS_GEOID;
+	}
+}
+
 /* $GPGGA,093802,5213.1439,N,02100.6511,E,2,10,0.9,137.2,M,36.2,M,,*43 */
 static void read_gga(struct nmea_fields *fields, struct nmea_report *out)
 {
-	int64_t method, satellites, altitude, geoid;
+	int64_t method;
 
 	out->timed = true;
 	out->day_ms = nmea_time(fields, 1);
@@ -35,21 +60,29 @@ static void read_gga(struct nmea_fields *fields, struct nmea_report *out)
 	} else {
 		says(out, false);
 	}
-	if (nmea_number(fields, 7, 0, 0, SATELLITES_MAX, &satellites)) {
-		out->satellites = (uint8_t)satellites;
-		out->known |= GPS_SATELLITES;
-		if (satellites == 0 && out->method < GPS_ESTIMATED)
-			says(out, false); /* whatever it says: a position out of nothing */
-	}
+	read_satellites(fields, 7, out);
+	if ((out->known & GPS_SATELLITES) && out->satellites == 0 && out->says == NMEA_SAYS_FIX &&
+	    out->method < GPS_ESTIMATED)
+		out->says = NMEA_SAYS_FIX_OF_NOTHING;
 	out->hdop = nmea_dilution(fields, 8);
-	if (nmea_number(fields, 9, 3, -ALTITUDE_MM, ALTITUDE_MM, &altitude)) {
-		out->altitude_mm = (int32_t)altitude;
-		out->known |= GPS_ALTITUDE;
-	}
-	if (nmea_number(fields, 11, 3, -ALTITUDE_MM, ALTITUDE_MM, &geoid)) {
-		out->geoid_mm = (int32_t)geoid;
-		out->known |= GPS_GEOID;
-	}
+	read_height(fields, 9, 11, out);
+}
+
+/*
+ * $GNGNS,120200.00,5957.0062,N,01100.6429,E,NDD,11,1.3,168.9,39.5,,,V*65: a letter of the mode for each constellation. Behind
+ * it some receivers say one of each, with nothing but its satellites.
+ */
+static void read_gns(struct nmea_fields *fields, struct nmea_report *out)
+{
+	out->timed = true;
+	out->day_ms = nmea_time(fields, 1);
+	nmea_position(fields, 2, out);
+	nmea_mode(fields, 6, out);
+	if (nmea_size(fields, 6) > 0)
+		says(out, out->method != GPS_NO_FIX);
+	read_satellites(fields, 7, out);
+	out->hdop = nmea_dilution(fields, 8);
+	read_height(fields, 9, 10, out);
 }
 
 /* $GPRMC,093802,A,5213.1439,N,02100.6511,E,000.0,226.0,160305,004.2,E,D*15 */
@@ -149,9 +182,9 @@ struct form {
 };
 
 static const struct form forms[] = {
-    {"GGA", NMEA_GGA, read_gga}, {"RMC", NMEA_RMC, read_rmc}, {"GLL", NMEA_GLL, read_gll},
-    {"GSA", NMEA_GSA, read_gsa}, {"GSV", NMEA_GSV, read_gsv}, {"VTG", NMEA_VTG, read_vtg},
-    {"ZDA", NMEA_ZDA, read_zda},
+    {"GGA", NMEA_GGA, read_gga}, {"GNS", NMEA_GNS, read_gns}, {"RMC", NMEA_RMC, read_rmc},
+    {"GLL", NMEA_GLL, read_gll}, {"GSA", NMEA_GSA, read_gsa}, {"GSV", NMEA_GSV, read_gsv},
+    {"VTG", NMEA_VTG, read_vtg}, {"ZDA", NMEA_ZDA, read_zda},
 };
 
 /* Two letters of a talker, three of a type. */

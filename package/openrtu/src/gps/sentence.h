@@ -12,6 +12,7 @@
 /* Where two sentences of one moment give a position with equally many digits, the first of these counts. */
 enum nmea_kind {
 	NMEA_GGA,
+	NMEA_GNS,
 	NMEA_RMC,
 	NMEA_GLL,
 	NMEA_PGRMF,
@@ -32,6 +33,7 @@ enum nmea_says {
 	NMEA_SAYS_NOTHING, /* of whether there is a fix */
 	NMEA_SAYS_FIX,
 	NMEA_SAYS_NO_FIX,
+	NMEA_SAYS_FIX_OF_NOTHING, /* a fix out of 0 satellites: others decide */
 };
 
 /* What PGRMT, the receiver's report of itself each minute, finds wrong. */

@@ -227,6 +227,83 @@ static void test_one_sentence_denies_what_others_say(void **state)
 	assert_int_equal(fix.known & GPS_POSITION, 0);
 }
 
+/* ---- a fix out of 0 satellites --------------------------------------------------------------- */
+
+/* A receiver of which GGA never counts a satellite; GNS and two GSA do. */
+static void test_satellites_that_others_count(void **state)
+{
+	(void)state;
+	take("GNRMC,120200.00,A,5957.0062,N,01100.6429,E,0.00,0.00,310726,,,D,V");
+	take("GNGNS,120200.00,5957.0062,N,01100.6429,E,NDD,11,1.3,168.9,39.5,,,V");
+	take("GNGGA,120200.00,5957.0062,N,01100.6429,E,2,00,1.3,168.9,M,39.5,M,,");
+	take("GNGSA,A,3,68,69,70,78,84,85,,,,,,,1.5,1.3,1.0,2");
+	take("GNGSA,A,3,04,05,09,11,36,,,,,,,,1.5,1.3,1.0,3");
+	assert_true(silence());
+	assert_int_equal(fix.latitude, 599501033);
+	assert_int_equal(fix.method, GPS_DIFFERENTIAL);
+	assert_int_equal(fix.altitude_mm, 168900);
+	assert_int_equal(fix.satellites, 11);
+	assert_true(fix.known & GPS_SATELLITES);
+}
+
+static void test_gsa_vouches_for_a_gga_without_satellites(void **state)
+{
+	(void)state;
+	take("GPGGA,120326,4221.3871,N,01322.0800,E,1,00,3.1,746.1,M,44.2,M,,");
+	take("GPGSA,A,2,01,03,,14,,,,,,,,,3.1,3.1,");
+	assert_true(silence());
+	assert_true(fix.known & GPS_POSITION);
+	assert_int_equal(fix.satellites, 3);
+}
+
+/* A converter writes 00 where it does not know the number. */
+static void test_nobody_counts_satellites(void **state)
+{
+	(void)state;
+	take("GPGGA,120000,5213.1439,N,02100.6511,E,1,00,1.0,1.0,M,1.0,M,,");
+	take("GPRMC,120000,A,5213.1439,N,02100.6511,E,1.0,2.0,160305,,,A");
+	assert_true(silence());
+	assert_true(fix.known & GPS_POSITION);
+	assert_false(fix.known & GPS_SATELLITES);
+}
+
+/* Indoors, a receiver goes on with the last place for a while. */
+static void test_gsa_names_none_of_the_0_satellites(void **state)
+{
+	(void)state;
+	take("GPRMC,200010,A,5504.4344,N,01025.5385,E,0.0,0.0,260810,1.0,E,D");
+	take("GPGGA,200010,5504.4344,N,01025.5385,E,2,00,2.5,-9.1,M,43.9,M,,");
+	take("GPGSA,A,2,,,,,,,,,,,,,2.7,2.5,1.0");
+	take("GPGLL,5504.4344,N,01025.5385,E,200010,A,D");
+	assert_true(silence());
+	assert_int_equal(fix.known, GPS_SATELLITES);
+	assert_int_equal(fix.satellites, 0);
+}
+
+static void test_gns(void **state)
+{
+	static const struct {
+		const char *modes;
+		uint8_t method;
+	} cases[] = {{"A", GPS_AUTONOMOUS}, {"NAD", GPS_DIFFERENTIAL}, {"RRN", GPS_RTK},
+		     {"RF", GPS_RTK_FLOAT}, {"AE", GPS_ESTIMATED},     {"NN", GPS_NO_FIX}};
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+		char text[100];
+
+		snprintf(text, sizeof(text), "GNGNS,120000,5213.1439,N,02100.6511,E,%s,13,0.9,25.6,11.2,,",
+			 cases[i].modes);
+		take(text);
+		take("GPGNS,120000,,,,,,08,,,,1.0,23"); /* of one constellation: says nothing of the fix */
+		take("GLGNS,120000,,,,,,05,,,,1.0,23");
+		assert_true(silence());
+		assert_int_equal(fix.method, cases[i].method);
+		assert_int_equal(fix.satellites, 13);
+		assert_int_equal((fix.known & GPS_ALTITUDE) != 0, cases[i].method != GPS_NO_FIX);
+	}
+}
+
 static void test_a_fix_lost_is_not_the_one_before(void **state)
 {
 	(void)state;
@@ -413,6 +490,11 @@ int main(void)
 	    cmocka_unit_test_setup(test_another_datum, setup),
 	    cmocka_unit_test_setup(test_no_fix, setup),
 	    cmocka_unit_test_setup(test_one_sentence_denies_what_others_say, setup),
+	    cmocka_unit_test_setup(test_satellites_that_others_count, setup),
+	    cmocka_unit_test_setup(test_gsa_vouches_for_a_gga_without_satellites, setup),
+	    cmocka_unit_test_setup(test_nobody_counts_satellites, setup),
+	    cmocka_unit_test_setup(test_gsa_names_none_of_the_0_satellites, setup),
+	    cmocka_unit_test_setup(test_gns, setup),
 	    cmocka_unit_test_setup(test_a_fix_lost_is_not_the_one_before, setup),
 	    cmocka_unit_test_setup(test_dead_reckoning, setup),
 	    cmocka_unit_test_setup(test_a_time_alone_is_no_fix, setup),
