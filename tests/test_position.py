@@ -24,6 +24,7 @@ from peers.gpsd import Daemon, gpsd_daemon
 
 POSITION, TIME, ALTITUDE, SPEED = 1, 2, 4, 8  # of enum gps_known
 CONTRADICTS = 1  # GPS_CONTRADICTS of enum gps_mark
+MOMENT_MS = 50  # gpsd answers to each of the times of one moment
 HALF_A_UNIT = 0.5001  # of 1e-7 degree: ours are rounded
 
 # gpsd answers with the position of the sentence that came last, which has fewer digits than the one that we
@@ -31,6 +32,9 @@ HALF_A_UNIT = 0.5001  # of 1e-7 degree: ours are rounded
 LAST_SENTENCE = {"ac12": 20, "ac12_binary": 20, "tcp-test": 20, "udp-test": 20, "bundg_zeus_9": 400}
 # No line has a checksum; a receiver says a differential fix of 0 satellites.
 WE_REFUSE = {"hp58534a": 1, "foretrex-201": 3}
+
+# A first fix that RMC and three satellites of GSA vouch for, with 00 in GGA: later versions of gpsd have it.
+GPSD_REFUSES = {("garmin25lp", 43_406_000)}
 
 # gpsd computes the speed from positions.
 COMPUTED_SPEED = {"hemi", "humminbird-M37"}
@@ -126,10 +130,12 @@ def test_positions_are_gpsds_own(recordings: Path, replay: Path) -> None:
         for at, fix in found.items():
             if at not in answers.reports:
                 continue  # before gpsd knew the receiver, or the date
+            if (file.stem, at) in GPSD_REFUSES and at not in answers.positions:
+                continue
             compared += 1
             if not is_one_of(fix, answers.positions.get(at, set()), units) or fix["marks"] & CONTRADICTS:
                 wrong.append((file.stem, fix))
-        if missing := [at for at in answers.positions if at not in found]:
+        if missing := [at for at in answers.positions if all(abs(at - ours) >= MOMENT_MS for ours in found)]:
             lacking[file.stem] = len(missing)
     assert wrong == []
     assert lacking == WE_REFUSE

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "gps/burst.h"
 
+#include <stdlib.h>
 #include <string.h>
 
 #include "gps/date.h"
@@ -16,6 +17,11 @@
  * is 55 m of latitude.
  */
 #define CONTRADICTION_E7 5000
+/*
+ * The times of one moment's sentences may differ by less: half of the shortest period. Receivers are known whose RMC is of 20 ms
+ * after their GGA, or GLL of 5 ms before it.
+ */
+#define MOMENT_MS 50
 
 void gps_burst_init(struct gps_burst *burst, int32_t built_days)
 {
@@ -54,6 +60,8 @@ static void take_position(struct gps_burst *burst, const struct nmea_report *rep
 	burst->fix.longitude = report->longitude;
 	burst->digits = report->digits;
 	burst->position_from = report->kind;
+	if (report->day_ms >= 0)
+		burst->fix.day_ms = report->day_ms;
 }
 
 static bool is_made_up(uint8_t method)
@@ -145,22 +153,24 @@ static void take(struct gps_burst *burst, const struct nmea_report *report)
 	take_height(&burst->fix, report);
 	take_accuracy(&burst->fix, report);
 	take_own(burst, report);
-	if (report->date != 0)
+	if (report->date != 0 && report->day_ms >= 0) {
 		burst->date = report->date;
+		burst->date_ms = report->day_ms;
+	}
 	burst->fix.known |= report->known;
 }
 
 /* ---- the whole ----------------------------------------------------------------------------- */
 
-/* The day that the burst's sentences say is that of its time. */
+/* The day that the burst's sentences say is that of the time that they say with it. */
 static void keep_date(struct gps_burst *burst)
 {
 	unsigned eras;
 
-	if (burst->date == 0 || burst->fix.day_ms < 0)
+	if (burst->date == 0)
 		return;
 	burst->last_date = gps_correct_era(burst->date, burst->built_days, &eras);
-	burst->last_day_ms = burst->fix.day_ms;
+	burst->last_day_ms = burst->date_ms;
 	burst->era_corrected += eras > 0;
 	burst->date = 0;
 }
@@ -171,10 +181,13 @@ static void keep_date(struct gps_burst *burst)
  */
 static void finish_time(struct gps_burst *burst)
 {
+	const bool own_date = burst->date != 0;
+
 	keep_date(burst);
 	if (burst->fix.day_ms < 0 || burst->last_date == 0)
 		return;
 	burst->last_date += burst->fix.day_ms < burst->last_day_ms - HALF_DAY_MS;
+	burst->last_date -= own_date && burst->fix.day_ms > burst->last_day_ms + HALF_DAY_MS;
 	burst->last_day_ms = burst->fix.day_ms;
 	burst->fix.time_ns = (burst->last_date * MS_PER_DAY + burst->fix.day_ms) * NS_PER_MS;
 	burst->fix.known |= GPS_TIME;
@@ -235,6 +248,7 @@ static void begin(struct gps_burst *burst)
 	memset(&burst->fix, 0, offsetof(struct gps_fix, sky));
 	burst->fix.day_ms = -1;
 	burst->open = burst->timed = false;
+	burst->kinds = 0;
 	burst->says_fix = burst->says_no_fix = burst->says_fix_of_nothing = false;
 	burst->date = 0;
 	burst->used_count = 0;
@@ -277,22 +291,44 @@ bool gps_burst_end(struct gps_burst *burst, struct gps_fix *fix)
 	return false;
 }
 
+static uint32_t bit_of(const struct nmea_report *report)
+{
+	return 1u << report->kind;
+}
+
+/* A sentence of a kind that was said before, with another time, is of the next moment however near it is. */
+static bool is_of_another_moment(const struct gps_burst *burst, const struct nmea_report *report)
+{
+	int32_t apart_ms = report->day_ms - burst->fix.day_ms;
+
+	if (!burst->timed || !report->timed || apart_ms == 0)
+		return false;
+	if (report->day_ms < 0 || burst->fix.day_ms < 0 || (burst->kinds & bit_of(report)) != 0)
+		return true;
+	apart_ms = abs(apart_ms);
+	return apart_ms >= MOMENT_MS && apart_ms <= MS_PER_DAY - MOMENT_MS;
+}
+
 bool gps_burst_take(struct gps_burst *burst, const struct nmea_report *report, int64_t now_ns,
 		    struct gps_fix *fix)
 {
-	bool other_time = burst->timed && report->timed && report->day_ms != burst->fix.day_ms,
-	     next = other_time && says_anything(burst);
+	bool other = is_of_another_moment(burst, report), next = other && says_anything(burst);
 
-	if (next)
+	if (next) {
 		finish(burst, fix);
-	else if (other_time)
+	} else if (other) {
 		keep_date(burst);
+		burst->timed = false;
+		burst->kinds = 0;
+	}
 	if (!burst->open)
 		burst->fix.arrival_ns = now_ns;
 	burst->open = true;
 	if (report->timed) {
+		if (!burst->timed)
+			burst->fix.day_ms = report->day_ms;
 		burst->timed = true;
-		burst->fix.day_ms = report->day_ms;
+		burst->kinds |= bit_of(report);
 	}
 	take(burst, report);
 	return next;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
  * A fix out of the sentences of one moment. A receiver says a moment in several sentences, and how many is nobody's promise:
- * a burst ends when a sentence names another time, or when the line was silent.
+ * a burst ends when a sentence names another moment, or when the line was silent.
  */
 #ifndef OPENRTU_GPS_BURST_H
 #define OPENRTU_GPS_BURST_H
@@ -17,11 +17,13 @@ struct gps_burst {
 	bool other_datum;       /* of the last PGRMM */
 
 	bool open, timed; /* since the last fix: a sentence; one that tells the time */
+	uint32_t kinds;   /* since then: of those that tell the time, a bit for each enum nmea_kind */
 	bool says_fix, says_no_fix;
 	bool says_fix_of_nothing; /* GGA out of 0 satellites */
 	uint8_t digits;           /* of the position that counts */
 	enum nmea_kind position_from, method_from;
 	int32_t date;      /* of this fix; 0: not given */
+	int32_t date_ms;   /* the time of day that was said with it */
 	int32_t last_date; /* days since 1970, corrected; 0: never given */
 	int32_t last_day_ms;
 	struct nmea_report used[GPS_CONSTELLATIONS]; /* GSA of this fix: a constellation each */

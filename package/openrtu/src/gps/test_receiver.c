@@ -177,6 +177,55 @@ static void test_two_places_at_one_time(void **state)
 	assert_int_equal(fix.marks, 0);
 }
 
+/* ---- one moment ------------------------------------------------------------------------------ */
+
+/* A receiver whose RMC is of 10 to 20 ms behind its GGA; others have GLL as much ahead. */
+static void test_sentences_some_milliseconds_apart_are_one_fix(void **state)
+{
+	(void)state;
+	take("GPGLL,5213.1439,N,02100.6511,E,115959.997,A");
+	take("GPGGA,120000.00,5213.1439,N,02100.6511,E,1,05,1.0,137.2,M,,M,,");
+	assert_int_equal(take("GPRMC,120000.02,A,5213.1439,N,02100.6511,E,010.0,226.0,160305,,,A"), 0);
+	assert_true(silence());
+	assert_int_equal(fix.altitude_mm, 137200);
+	assert_int_equal(fix.speed_mm_s, 5144);
+	assert_int_equal(fix.time_ns, 1110974400 * NS_PER_S); /* of the sentence that the place is of */
+}
+
+static void test_one_fix_around_midnight(void **state)
+{
+	(void)state;
+	take("GPGGA,235959.99,5213.1439,N,02100.6511,E,1,05,1.0,137.2,M,,M,,");
+	assert_int_equal(take("GPRMC,000000.00,A,5213.1439,N,02100.6511,E,,,170305,,,A"), 0);
+	assert_true(silence());
+	assert_int_equal(fix.time_ns, 1111017600 * NS_PER_S - 10 * NS_PER_MS);
+	take("GPRMC,000000.99,A,5213.1439,N,02100.6511,E,,,170305,,,A");
+	assert_int_equal(take("GPGGA,000001.00,5213.1439,N,02100.6511,E,1,05,1.0,137.2,M,,M,,"), 0);
+	assert_true(silence());
+	assert_int_equal(fix.time_ns, 1111017601 * NS_PER_S);
+}
+
+static void test_fixes_that_follow_fast(void **state)
+{
+	static const char *const periods[] = {"040", "100", "200"}; /* 25, 10, 5 Hz */
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(periods) / sizeof(periods[0]); i++) {
+		char gga[100], rmc[100];
+
+		setup(NULL);
+		snprintf(gga, sizeof(gga), "GPGGA,120000.%s,5213.1439,N,02100.6511,E,1,05,1.0,1.0,M,,M,,",
+			 periods[i]);
+		snprintf(rmc, sizeof(rmc), "GPRMC,120000.%s,A,5213.1439,N,02100.6511,E,,,160305,,,A",
+			 periods[i]);
+		take("GPGGA,120000.000,5213.1439,N,02100.6511,E,1,05,1.0,1.0,M,,M,,");
+		take("GPRMC,120000.000,A,5213.1439,N,02100.6511,E,,,160305,,,A");
+		assert_int_equal(take(gga), 1);
+		assert_int_equal(take(rmc), 0);
+		assert_true(silence());
+	}
+}
+
 static void test_another_datum(void **state)
 {
 	(void)state;
@@ -487,6 +536,9 @@ int main(void)
 	    cmocka_unit_test_setup(test_a_status_line_anywhere_costs_nothing, setup),
 	    cmocka_unit_test_setup(test_the_position_with_the_most_digits, setup),
 	    cmocka_unit_test_setup(test_two_places_at_one_time, setup),
+	    cmocka_unit_test_setup(test_sentences_some_milliseconds_apart_are_one_fix, setup),
+	    cmocka_unit_test_setup(test_one_fix_around_midnight, setup),
+	    cmocka_unit_test_setup(test_fixes_that_follow_fast, setup),
 	    cmocka_unit_test_setup(test_another_datum, setup),
 	    cmocka_unit_test_setup(test_no_fix, setup),
 	    cmocka_unit_test_setup(test_one_sentence_denies_what_others_say, setup),
