@@ -88,4 +88,10 @@ struct gps_fix {
 	struct gps_sky sky;        /* the newest view, of this fix or of one before */
 };
 
+/* 0° N 0° E to the last digit is what receivers and converters say that do not know where they are, with `A` too. */
+static inline bool gps_is_nowhere(int32_t latitude, int32_t longitude)
+{
+	return latitude == 0 && longitude == 0;
+}
+
 #endif

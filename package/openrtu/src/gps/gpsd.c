@@ -252,7 +252,8 @@ static uint8_t method_of(int64_t status)
 static void give_fix(const struct gpsd_reader *reader, const struct reading *reading, int64_t now_ns,
 		     struct gps_fix *fix)
 {
-	bool has_fix = reading->mode >= 2 && reading->has_latitude && reading->has_longitude;
+	bool has_fix = reading->mode >= 2 && reading->has_latitude && reading->has_longitude &&
+		       !gps_is_nowhere(reading->fix.latitude, reading->fix.longitude);
 
 	*fix = (struct gps_fix){.day_ms = reading->fix.day_ms};
 	if (has_fix) {

@@ -207,6 +207,15 @@ static void note_dilutions(struct nmea_report *out)
 		      (out->vdop > 0 ? GPS_VDOP : 0u);
 }
 
+/* Who says such a place denies the fix, whatever the letter beside it. */
+static void refuse_nowhere(struct nmea_report *out)
+{
+	if ((out->known & GPS_POSITION) == 0 || !gps_is_nowhere(out->latitude, out->longitude))
+		return;
+	out->known &= ~(uint32_t)GPS_POSITION;
+	out->says = NMEA_SAYS_NO_FIX;
+}
+
 enum nmea_verdict nmea_read(const struct nmea_sentence *sentence, struct nmea_report *out)
 {
 	struct nmea_fields fields = {.sentence = sentence};
@@ -223,5 +232,6 @@ enum nmea_verdict nmea_read(const struct nmea_sentence *sentence, struct nmea_re
 	if (!known)
 		return NMEA_NOT_READ;
 	note_dilutions(out);
+	refuse_nowhere(out);
 	return fields.bad ? NMEA_IMPOSSIBLE : NMEA_READ;
 }

@@ -86,6 +86,8 @@ static void test_no_fix(void **state)
 	assert_int_equal(take("{\"class\":\"TPV\",\"mode\":1,\"lat\":1.0,\"lon\":2.0}\n"), 1);
 	assert_int_equal(fix.known, 0);
 	assert_int_equal(fix.latitude, 0);
+	assert_int_equal(take("{\"class\":\"TPV\",\"mode\":3,\"lat\":0.0,\"lon\":-0.0}\n"), 1); /* nowhere */
+	assert_int_equal(fix.known & GPS_POSITION, 0);
 	assert_int_equal(take("{\"class\":\"TPV\",\"mode\":3,\"lat\":1.0}\n"), 1);
 	assert_int_equal(fix.known, 0);
 	assert_int_equal(take("{\"class\":\"TPV\"}\n"), 1);

@@ -252,6 +252,10 @@ static void test_no_fix(void **state)
 	    "GPGLL,5213.1439,N,02100.6511,E,120000,A,N",
 	    "GPGLL,,,,,120000,A",
 	    "GPRMC,,V,,,,,,,,,,N",
+	    "GPRMC,120000,A,0000.0000,N,00000.0000,E,0.0,0.0,160305,,,A", /* nowhere */
+	    "GPGGA,120000,0000.0,S,00000.0,W,1,07,1.0,17.0,M,17.0,M,,",
+	    "GNGNS,120000,0000.0,S,00000.0,W,AA,07,1.0,17.0,17.0,,",
+	    "PGRMF,290,293895,160305,120000,13,0000.0000,N,00000.0000,E,A,2,0,226,2,1",
 	    "PGRMF,290,293895,160305,120000,13,5213.1439,N,02100.6511,E,A,0,0,226,2,1",
 	};
 
@@ -265,6 +269,17 @@ static void test_no_fix(void **state)
 		assert_int_equal(fix.method, GPS_NO_FIX);
 		assert_int_equal(fix.time_ns, 0);
 	}
+}
+
+static void test_a_place_near_0_degrees_is_one(void **state)
+{
+	(void)state;
+	take("GPGLL,0000.0000,N,00000.0001,W,120000,A");
+	assert_true(silence());
+	assert_int_equal(fix.known & GPS_POSITION, GPS_POSITION);
+	take("GPGLL,0000.0000,N,02100.6511,E,120001,A");
+	assert_true(silence());
+	assert_int_equal(fix.known & GPS_POSITION, GPS_POSITION);
 }
 
 static void test_one_sentence_denies_what_others_say(void **state)
@@ -541,6 +556,7 @@ int main(void)
 	    cmocka_unit_test_setup(test_fixes_that_follow_fast, setup),
 	    cmocka_unit_test_setup(test_another_datum, setup),
 	    cmocka_unit_test_setup(test_no_fix, setup),
+	    cmocka_unit_test_setup(test_a_place_near_0_degrees_is_one, setup),
 	    cmocka_unit_test_setup(test_one_sentence_denies_what_others_say, setup),
 	    cmocka_unit_test_setup(test_satellites_that_others_count, setup),
 	    cmocka_unit_test_setup(test_gsa_vouches_for_a_gga_without_satellites, setup),
