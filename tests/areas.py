@@ -190,7 +190,8 @@ REACH = [
     ("scripts/debian-source.sh", f"test-image {BOARDS}"),
     (
         "scripts/source-date.sh",
-        "test-image tests/test_debian_packages.py tests/test_containers.py tests/test_pip_install.py",
+        "test-image tests/test_debian_packages.py tests/test_containers.py tests/test_pip_install.py"
+        " tests/test_gps.py",
     ),
     ("scripts/cppcheck.cfg", "lint"),
     ("scripts/build-deb.sh", "tests/test_debian_packages.py"),

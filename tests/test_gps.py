@@ -7,6 +7,7 @@ import itertools
 import json
 import os
 import pwd
+import shutil
 import signal
 import subprocess
 import time
@@ -17,7 +18,7 @@ from typing import Any
 
 import pytest
 
-from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
+from lab.gateway import REPOSITORY, Gateway, free_port, listening_on, remove, run_directory
 from lab.master import Master
 from lab.receiver import Receiver, burst, sentence
 from peers.gpsd import gpsd_daemon
@@ -381,16 +382,25 @@ def test_time_reaches_chrony(programs: Path, directory: Path, chrony: Path) -> N
                 done = subprocess.run(query, capture_output=True, text=True, check=False)
                 return done.stdout.strip().split(",")
 
-            def says(method: int) -> None:
+            def says(method: int, day: datetime.date | None = None, only: bytes = b"") -> None:
+                """Of 2 s ago, on that day; without one, today. Of the burst, only the lines of a kind."""
                 before = gateway.query("gps")[0]["fixes"]
                 at = datetime.datetime.now(datetime.UTC) - datetime.timedelta(seconds=2)
-                receiver.say(burst(at, *DEPOT, method=method))
+                if day:
+                    at = datetime.datetime.combine(day, at.timetz())
+                lines = burst(at, *DEPOT, method=method).splitlines(keepends=True)
+                receiver.say(b"".join(line for line in lines if only in line))
                 gateway.wait_for(
                     lambda: gateway.query("gps")[0]["fixes"] != before, 30.0, "the burst is a fix"
                 )
 
             gateway.wait_for(lambda: gateway.query("gps")[0]["open"], 30.0, "the line is open")
             says(7)  # typed
+            says(1, only=b"RMC")  # a letter alone stands for it
+            for day in ((1980, 1, 6), (2000, 1, 1), (2079, 1, 1)):
+                says(1, datetime.date(*day))
+                assert gateway.points("bus.latitude")["bus.latitude"]["quality"] == "good"
+            assert gateway.query("gps")[0]["dates_refused"] == 3
             assert told()[2:6] == ["GPS", "0", "0", "0"]
 
             def reached() -> bool:
@@ -401,3 +411,30 @@ def test_time_reaches_chrony(programs: Path, directory: Path, chrony: Path) -> N
             assert float(told()[8]) == pytest.approx(2, abs=1.5)
         finally:
             chronyd.terminate()
+
+
+def test_day_that_dates_the_program(tmp_path: Path) -> None:
+    """The tree's; outside of it SOURCE_DATE_EPOCH, or VERSION's time. A header that has it is left alone."""
+    script = Path("modules/gps/built.sh")
+    source, header = REPOSITORY / "package/openrtu/src", tmp_path / "built.h"
+    alone = tmp_path / "src"
+    (alone / script).parent.mkdir(parents=True)
+    shutil.copy(source / script, alone / script)
+    (alone / "VERSION").touch()
+    os.utime(alone / "VERSION", (90_000, 90_000))
+    outside = {name: value for name, value in os.environ.items() if name != "SOURCE_DATE_EPOCH"}
+    dated = {**outside, "SOURCE_DATE_EPOCH": f"{20_000 * 86_400 + 1}"}
+
+    def day(folder: Path, environment: dict[str, str]) -> int:
+        subprocess.run([folder / script, header], env=environment, check=True)
+        return int(header.read_text().removeprefix("#define BUILT_DAYS "))
+
+    seconds = subprocess.run(
+        [REPOSITORY / "scripts/source-date.sh"], env=outside, capture_output=True, text=True, check=True
+    ).stdout
+    assert day(source, outside) == int(seconds) // 86_400
+    assert day(alone, outside) == 1
+    assert day(source, dated) == day(alone, dated) == 20_000
+    os.utime(header, (1, 1))
+    assert day(alone, dated) == 20_000
+    assert header.stat().st_mtime == 1

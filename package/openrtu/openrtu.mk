@@ -15,6 +15,9 @@ OPENRTU_DEPENDENCIES = host-pkgconf jansson libseccomp
 # warning shall not stop a release.
 OPENRTU_CONF_OPTS = -Dtests=disabled -Dwerror=false -Dcentre=false
 
+# Buildroot copies the source out of the tree, which is dated as a whole.
+OPENRTU_NINJA_ENV = SOURCE_DATE_EPOCH=$$($(BR2_EXTERNAL_OPENRTU_PATH)/../scripts/source-date.sh)
+
 # The licence's text is not in src/ but once in the tree.
 define OPENRTU_ADD_LICENSE
 	$(INSTALL) -m 0644 $(BR2_EXTERNAL_OPENRTU_PATH)/../LICENSES/GPL-3.0-or-later.txt $(@D)

@@ -4,7 +4,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "gps/date.h"
 #include "gps/sky.h"
 #include "gps/sphere.h"
 #include "map/time_ns.h"
@@ -26,7 +25,7 @@
 void gps_burst_init(struct gps_burst *burst, int32_t built_days)
 {
 	memset(burst, 0, sizeof(*burst));
-	burst->built_days = built_days;
+	burst->calendar.built_days = built_days;
 	burst->fix.day_ms = -1;
 }
 
@@ -165,13 +164,10 @@ static void take(struct gps_burst *burst, const struct nmea_report *report)
 /* The day that the burst's sentences say is that of the time that they say with it. */
 static void keep_date(struct gps_burst *burst)
 {
-	unsigned eras;
-
 	if (burst->date == 0)
 		return;
-	burst->last_date = gps_correct_era(burst->date, burst->built_days, &eras);
+	burst->last_date = gps_calendar_believe(&burst->calendar, &burst->date) ? burst->date : 0;
 	burst->last_day_ms = burst->date_ms;
-	burst->era_corrected += eras > 0;
 	burst->date = 0;
 }
 

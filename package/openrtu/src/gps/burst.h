@@ -6,15 +6,15 @@
 #ifndef OPENRTU_GPS_BURST_H
 #define OPENRTU_GPS_BURST_H
 
+#include "gps/date.h"
 #include "gps/sentence.h"
 
 #define GPS_CONSTELLATIONS 6
 
 struct gps_burst {
-	int32_t built_days;     /* of gps_correct_era: days since 1970 */
-	uint32_t era_corrected; /* fixes whose date was */
-	uint32_t faults;        /* enum gps_fault, of the last PGRMT */
-	bool other_datum;       /* of the last PGRMM */
+	struct gps_calendar calendar;
+	uint32_t faults;  /* enum gps_fault, of the last PGRMT */
+	bool other_datum; /* of the last PGRMM */
 
 	bool open, timed; /* since the last fix: a sentence; one that tells the time */
 	uint32_t kinds;   /* since then: of those that tell the time, a bit for each enum nmea_kind */
@@ -24,14 +24,14 @@ struct gps_burst {
 	enum nmea_kind position_from, method_from;
 	int32_t date;      /* of this fix; 0: not given */
 	int32_t date_ms;   /* the time of day that was said with it */
-	int32_t last_date; /* days since 1970, corrected; 0: never given */
+	int32_t last_date; /* days since 1970, corrected; 0: never given, or not believed */
 	int32_t last_day_ms;
 	struct nmea_report used[GPS_CONSTELLATIONS]; /* GSA of this fix: a constellation each */
 	unsigned used_count;
 	struct gps_fix fix; /* in the making */
 };
 
-/* built_days: gps_correct_era. */
+/* built_days: of struct gps_calendar. */
 void gps_burst_init(struct gps_burst *burst, int32_t built_days);
 
 /*

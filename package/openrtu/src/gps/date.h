@@ -11,11 +11,16 @@
 /* Days from 1970-01-01 to a date of 1970..2199. False: there is no such date. */
 bool gps_days(int year, int month, int day, int32_t *out);
 
+/* Which dates of a receiver are believed. */
+struct gps_calendar {
+	int32_t built_days; /* since 1970: before it, the program that reads the date did not exist */
+	uint32_t corrected, refused;
+};
+
 /*
- * A receiver whose week number has rolled over says a date that is 1 024 weeks, or a multiple, too early. A date before
- * built_days cannot be: the program that reads it did not exist. Returns the first date from there on that is a multiple
- * of 1 024 weeks later, and by how many in *eras.
+ * A receiver whose week number has rolled over says a date that is 1 024 weeks, or a multiple, too early: *days, which it says, is
+ * moved by as many. False: there is no date to be believed; docs/positioning.md, "The date".
  */
-int32_t gps_correct_era(int32_t days, int32_t built_days, unsigned *eras);
+bool gps_calendar_believe(struct gps_calendar *calendar, int32_t *days);
 
 #endif

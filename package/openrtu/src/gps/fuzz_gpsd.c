@@ -4,6 +4,9 @@
 
 #include "fuzz.h"
 #include "gps/gpsd.h"
+#include "map/time_ns.h"
+
+#define BUILT_DAYS 20000
 
 static struct gpsd_reader reader;
 
@@ -11,7 +14,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
 	struct gps_fix fix;
 
-	gpsd_reader_init(&reader);
+	gpsd_reader_init(&reader, BUILT_DAYS);
 	while (gpsd_reader_take(&reader, &data, &size, 1, &fix)) {
 		CHECK(fix.latitude >= -900000000 && fix.latitude <= 900000000);
 		CHECK(fix.longitude >= -1800000000 && fix.longitude <= 1800000000);
@@ -19,6 +22,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 		      fix.method < GPS_METHODS);
 		CHECK(fix.course < 36000 && fix.day_ms >= -1 && fix.day_ms < 86401000);
 		CHECK(fix.sky.count <= GPS_SKY_MAX);
+		CHECK(!(fix.known & GPS_TIME) || fix.time_ns >= BUILT_DAYS * S_PER_DAY * NS_PER_S);
 	}
 	CHECK(reader.size <= GPSD_LINE_MAX);
 	return 0;

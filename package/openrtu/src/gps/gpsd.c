@@ -3,7 +3,6 @@
 
 #include <string.h>
 
-#include "gps/date.h"
 #include "gps/json.h"
 #include "gps/number.h"
 #include "map/time_ns.h"
@@ -24,13 +23,15 @@ struct reading {
 	int64_t mode, status, used;
 	bool has_latitude, has_longitude;
 	bool has_used;
+	int32_t date;       /* days since 1970, as gpsd says */
 	struct gps_fix fix; /* TPV; the sky, dilutions and number of satellites of SKY */
 	struct gps_satellite satellite;
 };
 
-void gpsd_reader_init(struct gpsd_reader *reader)
+void gpsd_reader_init(struct gpsd_reader *reader, int32_t built_days)
 {
 	memset(reader, 0, offsetof(struct gpsd_reader, line));
+	reader->calendar.built_days = built_days;
 }
 
 /* ---- values --------------------------------------------------------------------------------- */
@@ -59,7 +60,6 @@ static void read_time(struct reading *reading, const struct gps_json_item *item)
 	const char *text = item->text;
 	int century, year, month, day, hour, minute;
 	int64_t second_ms;
-	int32_t days;
 
 	reading->bad = true;
 	if (item->kind != GPS_JSON_STRING || item->size <= head || text[item->size - 1] != 'Z')
@@ -69,13 +69,12 @@ static void read_time(struct reading *reading, const struct gps_json_item *item)
 			return;
 	if (!two_digits(text, &century) || !two_digits(text + 2, &year) || !two_digits(text + 5, &month) ||
 	    !two_digits(text + 8, &day) || !two_digits(text + 11, &hour) || !two_digits(text + 14, &minute) ||
-	    !gps_days(century * 100 + year, month, day, &days) || hour > 23 || minute > 59 ||
+	    !gps_days(century * 100 + year, month, day, &reading->date) || hour > 23 || minute > 59 ||
 	    !gps_decimal(text + head, item->size - 1 - head, 3, &second_ms) || second_ms < 0 ||
 	    second_ms >= 61000)
 		return;
 	reading->bad = false;
 	reading->fix.day_ms = (hour * 60 + minute) * 60000 + (int32_t)second_ms;
-	reading->fix.time_ns = (days * MS_PER_DAY + reading->fix.day_ms) * NS_PER_MS;
 	reading->fix.known |= GPS_TIME;
 }
 
@@ -249,7 +248,17 @@ static uint8_t method_of(int64_t status)
 	return status >= 0 && status < (int64_t)sizeof(methods) ? methods[status] : GPS_AUTONOMOUS;
 }
 
-static void give_fix(const struct gpsd_reader *reader, const struct reading *reading, int64_t now_ns,
+static void finish_time(struct gps_calendar *calendar, int32_t date, struct gps_fix *fix)
+{
+	if ((fix->known & GPS_TIME) == 0)
+		return;
+	if (gps_calendar_believe(calendar, &date))
+		fix->time_ns = (date * MS_PER_DAY + fix->day_ms) * NS_PER_MS;
+	else
+		fix->known &= ~(uint32_t)GPS_TIME;
+}
+
+static void give_fix(struct gpsd_reader *reader, const struct reading *reading, int64_t now_ns,
 		     struct gps_fix *fix)
 {
 	bool has_fix = reading->mode >= 2 && reading->has_latitude && reading->has_longitude &&
@@ -258,6 +267,7 @@ static void give_fix(const struct gpsd_reader *reader, const struct reading *rea
 	*fix = (struct gps_fix){.day_ms = reading->fix.day_ms};
 	if (has_fix) {
 		*fix = reading->fix;
+		finish_time(&reader->calendar, reading->date, fix);
 		fix->known |= GPS_POSITION;
 		fix->method = method_of(reading->status);
 		fix->dimensions = (uint8_t)reading->mode;

@@ -6,6 +6,7 @@
 #ifndef OPENRTU_GPS_GPSD_H
 #define OPENRTU_GPS_GPSD_H
 
+#include "gps/date.h"
 #include "gps/fix.h"
 #include "gps/line.h"
 
@@ -13,6 +14,7 @@
 #define GPSD_LINE_MAX 10240 /* GPS_JSON_RESPONSE_MAX of gpsd */
 
 struct gpsd_reader {
+	struct gps_calendar calendar;
 	uint32_t counters[NMEA_COUNTERS];
 	struct gps_sky sky;
 	uint16_t hdop, pdop, vdop; /* of the last SKY, 0.01; 0: not given */
@@ -23,7 +25,8 @@ struct gpsd_reader {
 	char line[GPSD_LINE_MAX];
 };
 
-void gpsd_reader_init(struct gpsd_reader *reader);
+/* built_days: of struct gps_calendar; gpsd says the dates of receivers that it does not correct. */
+void gpsd_reader_init(struct gpsd_reader *reader, int32_t built_days);
 
 /* As gps_receiver_take: up to the first TPV. A line that is no JSON is counted as damaged, another class as unknown. */
 bool gpsd_reader_take(struct gpsd_reader *reader, const uint8_t **bytes, size_t *size, int64_t now_ns,

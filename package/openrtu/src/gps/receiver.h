@@ -14,7 +14,7 @@ struct gps_receiver {
 
 /*
  * silence_ns: longer than the receiver pauses within a burst, shorter than between bursts. built_days: the day that the
- * program was built, since 1970 (gps_correct_era).
+ * program was built, since 1970 (struct gps_calendar).
  */
 void gps_receiver_init(struct gps_receiver *receiver, int64_t silence_ns, int32_t built_days);
 

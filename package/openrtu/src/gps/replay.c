@@ -38,11 +38,12 @@ static void print_fix(const struct gps_fix *fix)
 	printf("]}\n");
 }
 
-static void print_counters(const uint32_t *counters, uint32_t eras)
+static void print_counters(const uint32_t *counters, const struct gps_calendar *calendar)
 {
-	printf("{\"taken\": %u, \"damaged\": %u, \"unknown\": %u, \"stray\": %u, \"eras\": %u}\n",
+	printf("{\"taken\": %u, \"damaged\": %u, \"unknown\": %u, \"stray\": %u, \"corrected\": %u, "
+	       "\"refused\": %u}\n",
 	       counters[NMEA_TAKEN], counters[NMEA_DAMAGED], counters[NMEA_UNKNOWN], counters[NMEA_STRAY],
-	       eras);
+	       calendar->corrected, calendar->refused);
 }
 
 static void replay_nmea(const uint8_t *bytes, size_t size, int32_t built_days)
@@ -60,19 +61,19 @@ static void replay_nmea(const uint8_t *bytes, size_t size, int32_t built_days)
 	}
 	if (gps_receiver_run(&receiver, now_ns + SILENCE_NS, &fix))
 		print_fix(&fix);
-	print_counters(receiver.line.counters, receiver.burst.era_corrected);
+	print_counters(receiver.line.counters, &receiver.burst.calendar);
 }
 
-static void replay_gpsd(const uint8_t *bytes, size_t size)
+static void replay_gpsd(const uint8_t *bytes, size_t size, int32_t built_days)
 {
 	static struct gpsd_reader reader;
 	struct gps_fix fix;
 	int64_t now_ns = 0;
 
-	gpsd_reader_init(&reader);
+	gpsd_reader_init(&reader, built_days);
 	while (gpsd_reader_take(&reader, &bytes, &size, now_ns++, &fix))
 		print_fix(&fix);
-	print_counters(reader.counters, 0);
+	print_counters(reader.counters, &reader.calendar);
 }
 
 static int print_distances(void)
@@ -88,18 +89,20 @@ int main(int argc, char **argv)
 {
 	static uint8_t bytes[RECORDING_MAX];
 	unsigned long size;
+	int32_t built_days;
 
 	if (argc != 3)
 		return 2;
+	built_days = (int32_t)strtol(argv[2], NULL, 10);
 	if (strcmp(argv[1], "distance") == 0)
 		return print_distances();
 	while (scanf("%lu", &size) == 1) {
 		if (getchar() != '\n' || size > sizeof(bytes) || fread(bytes, 1, size, stdin) != size)
 			return 2;
 		if (strcmp(argv[1], "gpsd") == 0)
-			replay_gpsd(bytes, size);
+			replay_gpsd(bytes, size, built_days);
 		else
-			replay_nmea(bytes, size, (int32_t)strtol(argv[2], NULL, 10));
+			replay_nmea(bytes, size, built_days);
 	}
 	return 0;
 }

@@ -20,6 +20,7 @@ struct gps_stats {
 	_Atomic uint32_t fixes;         /* bursts, those without a position among them */
 	_Atomic uint32_t events;        /* fixes that were sent */
 	_Atomic uint32_t era_corrected; /* dates moved by a multiple of 1 024 weeks */
+	_Atomic uint32_t dates_refused; /* dates that were not believed */
 	_Atomic uint32_t jumps, too_fast, clock_steps;
 	_Atomic uint32_t failures; /* the port could not be opened or was lost; gpsd likewise */
 	map_latch latch;           /* of what follows */

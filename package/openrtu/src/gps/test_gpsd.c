@@ -18,13 +18,15 @@
 	"{\"class\":\"SKY\",\"hdop\":0.90,\"satellites\":[{\"PRN\":18,\"el\":50.0,\"az\":135.0,\"ss\":50.0," \
 	"\"used\":true,\"gnssid\":0},{\"PRN\":65,\"el\":-1.4,\"az\":360.0,\"used\":null,\"gnssid\":6}]}\n"
 
+#define BUILT_DAYS 12784 /* 2005-01-01 */
+
 static struct gpsd_reader reader;
 static struct gps_fix fix;
 
 static int setup(void **state)
 {
 	(void)state;
-	gpsd_reader_init(&reader);
+	gpsd_reader_init(&reader, BUILT_DAYS);
 	return 0;
 }
 
@@ -92,6 +94,18 @@ static void test_no_fix(void **state)
 	assert_int_equal(fix.known, 0);
 	assert_int_equal(take("{\"class\":\"TPV\"}\n"), 1);
 	assert_int_equal(fix.known, 0);
+}
+
+static void test_a_date_that_is_not_believed(void **state)
+{
+	(void)state;
+	assert_int_equal(
+	    take("{\"class\":\"TPV\",\"mode\":3,\"time\":\"1980-01-06T00:00:12.000Z\",\"lat\":1.0,"
+		 "\"lon\":2.0}\n"),
+	    1);
+	assert_int_equal(fix.known, GPS_POSITION);
+	assert_int_equal(fix.time_ns, 0);
+	assert_int_equal(reader.calendar.refused, 1);
 }
 
 static void test_other_classes(void **state)
@@ -180,6 +194,7 @@ int main(void)
 	    cmocka_unit_test_setup(test_a_fix, setup),
 	    cmocka_unit_test_setup(test_octet_by_octet, setup),
 	    cmocka_unit_test_setup(test_no_fix, setup),
+	    cmocka_unit_test_setup(test_a_date_that_is_not_believed, setup),
 	    cmocka_unit_test_setup(test_other_classes, setup),
 	    cmocka_unit_test_setup(test_what_is_no_json, setup),
 	    cmocka_unit_test_setup(test_values_that_cannot_be, setup),

@@ -428,10 +428,30 @@ static void test_a_week_that_rolled_over(void **state)
 	assert_true(silence());
 	assert_int_equal(fix.time_ns,
 			 1110974400 * NS_PER_S); /* 1985-07-31 is 1 024 weeks before 2005-03-16 */
-	assert_int_equal(receiver.burst.era_corrected, 1);
+	assert_int_equal(receiver.burst.calendar.corrected, 1);
 	take("GPRMC,120001,A,5213.1439,N,02100.6511,E,,,010105,,");
 	assert_true(silence());
-	assert_int_equal(receiver.burst.era_corrected, 1);
+	assert_int_equal(receiver.burst.calendar.corrected, 1);
+	assert_int_equal(receiver.burst.calendar.refused, 0);
+}
+
+static void test_a_date_that_is_not_believed(void **state)
+{
+	(void)state;
+	take("GPRMC,120000,A,5213.1439,N,02100.6511,E,,,160305,,");
+	assert_true(silence());
+	assert_true(fix.known & GPS_TIME);
+	take("GPRMC,000012,A,5213.1439,N,02100.6511,E,,,060180,,"); /* the receiver was switched off and on */
+	assert_true(silence());
+	assert_int_equal(fix.known, GPS_POSITION);
+	assert_int_equal(fix.time_ns, 0);
+	take("GPGLL,5213.1439,N,02100.6511,E,000013,A"); /* nor is the day of before */
+	assert_true(silence());
+	assert_int_equal(fix.known, GPS_POSITION);
+	assert_int_equal(receiver.burst.calendar.refused, 1);
+	take("GPRMC,120030,A,5213.1439,N,02100.6511,E,,,160305,,");
+	assert_true(silence());
+	assert_true(fix.known & GPS_TIME);
 }
 
 /* ---- what is refused ----------------------------------------------------------------------- */
@@ -569,6 +589,7 @@ int main(void)
 	    cmocka_unit_test_setup(test_silence_after_a_time_alone, setup),
 	    cmocka_unit_test_setup(test_midnight_without_a_date, setup),
 	    cmocka_unit_test_setup(test_a_week_that_rolled_over, setup),
+	    cmocka_unit_test_setup(test_a_date_that_is_not_believed, setup),
 	    cmocka_unit_test_setup(test_impossible_fields, setup),
 	    cmocka_unit_test_setup(test_what_we_do_not_read, setup),
 	    cmocka_unit_test_setup(test_the_ends_of_the_earth, setup),

@@ -105,6 +105,7 @@ static json_t *receiver_row(const struct gps_settings *settings, struct gps_stat
 	    {"fixes", stats->fixes},
 	    {"events", stats->events},
 	    {"era_corrected", stats->era_corrected},
+	    {"dates_refused", stats->dates_refused},
 	    {"jumps", stats->jumps},
 	    {"too_fast", stats->too_fast},
 	    {"clock_steps", stats->clock_steps},

@@ -11,7 +11,8 @@
 #include "map/map.h"
 #include "map/time_ns.h"
 
-#define SAMPLE_MAGIC 0x534f434b /* "SOCK" */
+#define SAMPLE_MAGIC     0x534f434b /* "SOCK" */
+#define SATELLITES_LEAST 3
 
 /* chrony's refclock_sock.c; chronyd and this program have one time_t, as they are built by one toolchain. */
 struct sample {
@@ -28,13 +29,16 @@ int clock_socket(void)
 	return socket(AF_UNIX, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
 }
 
-/* A typed, simulated or estimated one, and one that has just stepped, is no time to follow. */
+/*
+ * A typed, simulated or estimated one, and one that has just stepped, is no time to follow; nor is one that a single letter of RMC
+ * stands for: another sentence counts the satellites that a place takes.
+ */
 static bool is_of_satellites(const struct gps_fix *fix)
 {
-	const uint32_t needed = GPS_TIME | GPS_POSITION;
+	const uint32_t needed = GPS_TIME | GPS_POSITION | GPS_SATELLITES;
 
-	return (fix->known & needed) == needed && (fix->marks & GPS_CLOCK_STEP) == 0 &&
-	       fix->method < GPS_ESTIMATED;
+	return (fix->known & needed) == needed && fix->satellites >= SATELLITES_LEAST &&
+	       (fix->marks & GPS_CLOCK_STEP) == 0 && fix->method < GPS_ESTIMATED;
 }
 
 void clock_tell(int fd, const struct gps_settings *settings, const struct gps_fix *fix)

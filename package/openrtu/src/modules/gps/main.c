@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "built.h"
 #include "map/time_ns.h"
 #include "modules/gps/clock.h"
 #include "modules/gps/publish.h"
@@ -15,7 +16,6 @@
 #include "modules/module.h"
 
 #define HEARTBEAT_NS (250 * NS_PER_MS) /* a quarter of what kind.c allows */
-#define BUILT_DAYS   20780             /* 2026-11-23: an earlier date is of a week number that rolled over */
 
 struct receiver {
 	struct source source;

@@ -36,7 +36,7 @@ void source_init(struct source *source, struct map *map, const struct gps_settin
 		snprintf(source->path, sizeof(source->path), "gpsd at %s port %u", settings->gpsd,
 			 settings->gpsd_port);
 	gps_receiver_init(&source->nmea, settings->silence_ns, built_days);
-	gpsd_reader_init(&source->gpsd);
+	gpsd_reader_init(&source->gpsd, built_days);
 }
 
 void source_close(struct source *source)
@@ -108,7 +108,7 @@ static void ask_gpsd(struct source *source, int64_t now_ns)
 {
 	const ssize_t size = (ssize_t)strlen(GPSD_WATCH);
 
-	gpsd_reader_init(&source->gpsd);
+	gpsd_reader_init(&source->gpsd, source->gpsd.calendar.built_days);
 	if (write(source->fd, GPSD_WATCH, (size_t)size) == size)
 		note_open(source);
 	else
@@ -145,13 +145,16 @@ static bool next_fix(struct source *source, const uint8_t **bytes, size_t *size,
 static void show_counters(struct source *source)
 {
 	const uint32_t *counters = is_gpsd(source) ? source->gpsd.counters : source->nmea.line.counters;
+	const struct gps_calendar *calendar =
+	    is_gpsd(source) ? &source->gpsd.calendar : &source->nmea.burst.calendar;
 	struct gps_stats *stats = source->stats;
 
 	atomic_store(&stats->sentences, counters[NMEA_TAKEN]);
 	atomic_store(&stats->damaged, counters[NMEA_DAMAGED]);
 	atomic_store(&stats->unknown, counters[NMEA_UNKNOWN]);
 	atomic_store(&stats->stray, counters[NMEA_STRAY]);
-	atomic_store(&stats->era_corrected, source->nmea.burst.era_corrected);
+	atomic_store(&stats->era_corrected, calendar->corrected);
+	atomic_store(&stats->dates_refused, calendar->refused);
 }
 
 static void read_source(struct source *source, int64_t now_ns, source_fix *take, void *context)

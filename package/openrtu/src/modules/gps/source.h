@@ -28,7 +28,7 @@ struct source {
 
 typedef void source_fix(void *context, struct gps_fix *fix);
 
-/* directory: of serial devices that have no absolute path. The rest must outlive it. built_days: gps_correct_era. */
+/* directory: of serial devices that have no absolute path. The rest must outlive it. built_days: of struct gps_calendar. */
 void source_init(struct source *source, struct map *map, const struct gps_settings *settings,
 		 struct gps_stats *stats, const char *directory, int32_t built_days);
 
