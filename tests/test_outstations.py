@@ -341,7 +341,7 @@ def test_position_is_one_event_of_four_points(gateway: Run, town: Outstation) ->
         ]
         town.die()
         told = master.answer(201)
-        assert told.body[:16] == b"\xc8\0\0" + second[:12] + b"\x80"
+        assert told.body[:16] == b"\xc8\0\0" + second[:12] + b"\x81"  # invalid; its altitude is still unknown
 
 
 def test_object_is_read_in_its_period(gateway: Run, town: Outstation) -> None:

@@ -2,6 +2,7 @@
 """A position as one object: from the receiver through the gateway to controlling stations, and its mirror."""
 
 import socket
+import struct
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,16 +12,18 @@ import pytest
 
 from lab.gateway import Gateway, remove, run_directory
 from lab.master import Master
-from lab.raw_master import STARTDT_ACT, STARTDT_CON
-from lab.receiver import Receiver
+from lab.raw_master import STARTDT_ACT, STARTDT_CON, RawMaster
+from lab.receiver import Receiver, burst
 from peers.centre_consumer import Kind, Record
 from test_centre import Centre
-from test_gps import ALTITUDE, CA, DEPOT, FIX, LATITUDE, LONGITUDE, METRE, Drive, config
+from test_gps import ALTITUDE, CA, DEPOT, FIX, LATITUDE, LONGITUDE, METRE, Drive, config, driving, now
 from test_station_controlling import Asking
 from test_station_position import FIELDS, dissected
 
 POSITION = 200
 REQUEST, SPONTANEOUS, INTERROGATED = 5, 3, 20
+POSITION_TYPE, READ = 201, 102
+NO_ALTITUDE_DM, OVERFLOW, INVALID = -(2**23), 0x01, 0x80  # docs/positioning.md
 FAR = (DEPOT[0] + 60 * METRE, DEPOT[1] - 60 * METRE)
 
 
@@ -35,9 +38,15 @@ def is_near(position: tuple[int, int], place: tuple[float, float]) -> bool:
 
 
 @pytest.fixture
-def drive(programs: Path) -> Iterator[Drive]:
+def directory() -> Iterator[Path]:
     directory = run_directory()
     (directory / "dev").mkdir()
+    yield directory
+    remove(directory)
+
+
+@pytest.fixture
+def drive(programs: Path, directory: Path) -> Iterator[Drive]:
     with (
         Receiver(directory / "dev/gps1") as receiver,
         Gateway(config({"device": "gps1", "position_ioa": POSITION}), directory, programs) as gateway,
@@ -46,7 +55,6 @@ def drive(programs: Path) -> Iterator[Drive]:
         gateway.wait_for(lambda: drive.row()["open"], 30.0, "the receiver's line is open")
         drive.say(DEPOT)
         yield drive
-    remove(directory)
 
 
 @pytest.fixture
@@ -95,6 +103,37 @@ def test_tshark_reads_the_gateways_octets(drive: Drive, tmp_path: Path) -> None:
     assert is_near(octets_of(place), DEPOT)
     assert (found["altitude"], found["fix"], found["satellites"]) == ("137.2", "1", "7")
     assert (found["invalid"], found["overflow"]) == ("0", "0")
+
+
+def test_altitude_that_is_not_known(programs: Path, directory: Path) -> None:
+    """Of a receiver that says RMC alone, and without a fix: in its events, as it is read, and as a point."""
+    nothing = (False, NO_ALTITUDE_DM, 0x00, INVALID | OVERFLOW)
+    with (
+        driving(programs, directory, position_ioa=POSITION, topical_s=60) as drive,
+        RawMaster(*drive.gateway.address) as master,
+    ):
+
+        def told(cause: int) -> tuple[bool, int, int, int]:
+            """Whether it is FAR; the altitude; fix and satellites; the quality."""
+            answer = master.answer(POSITION_TYPE)
+            assert answer.cause == cause
+            latitude, longitude = struct.unpack_from("<ii", answer.body, 3)
+            altitude = int.from_bytes(answer.body[11:14], "little", signed=True)
+            return is_near((latitude, longitude), FAR), altitude, answer.body[14], answer.body[15]
+
+        def read() -> tuple[bool, int, int, int]:
+            master.request(READ, CA, POSITION, b"", cause=REQUEST)
+            return told(REQUEST)
+
+        rmc = next(line for line in burst(now(), *FAR).splitlines(keepends=True) if b"RMC" in line)
+        assert read() == nothing
+        drive.receiver.say(rmc)
+        assert told(SPONTANEOUS) == read() == (True, NO_ALTITUDE_DM, 0x01, OVERFLOW)
+        points = {name: drive.point(name)["quality"] for name in ("latitude", "altitude", "satellites")}
+        assert points == {"latitude": "good", "altitude": "invalid", "satellites": "invalid"}
+        drive.say(FAR, method=0)
+        assert told(SPONTANEOUS) == read() == nothing
+        assert drive.point("satellites")["quality"] == "good"
 
 
 def test_who_does_not_know_the_type_has_the_mirror(drive: Drive) -> None:

@@ -62,14 +62,16 @@ bool iec104_complete_event(const struct iec104_station *station, const struct ma
 	return whole;
 }
 
-/* What is not known, or no altitude, is the least that can be sent, with overflow. That of an invalid position is the last one. */
+/*
+ * What is not known, or no altitude, is the least that can be sent, with overflow. So is that of an invalid place: nobody can tell
+ * one that was known from one that never was.
+ */
 static int32_t altitude_dm(const struct map_sample samples[IEC104_SAMPLES])
 {
 	const float altitude_m = samples[ALTITUDE].value.f;
-	const bool known =
-	    !(samples[ALTITUDE].quality & MAP_INVALID) || (samples[POSITION].quality & MAP_INVALID) != 0;
 
-	if (!known || !(altitude_m > -ALTITUDE_ANY && altitude_m < ALTITUDE_ANY))
+	if ((samples[ALTITUDE].quality & MAP_INVALID) != 0 ||
+	    !(altitude_m > -ALTITUDE_ANY && altitude_m < ALTITUDE_ANY))
 		return INT32_MIN;
 	return map_round((double)(altitude_m * DM_PER_M));
 }

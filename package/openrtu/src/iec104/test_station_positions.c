@@ -196,7 +196,19 @@ static void test_owner_is_down(void **state)
 		acknowledge(&masters[0]);
 	assert_non_null(frame);
 	assert_int_equal(frame[15], NORTH(5) & 0xff);
-	assert_int_equal(frame[27], MAP_INVALID);
+	assert_int_equal(frame[25], 0x80); /* an altitude is not said of an invalid place */
+	assert_int_equal(frame[27], MAP_INVALID | MAP_OVERFLOW);
+}
+
+/* A receiver without a fix, and one that has said nothing yet. */
+static void test_no_place(void **state)
+{
+	(void)state;
+	for (unsigned i = 0; i < PLACE; i++)
+		fake.samples[POSITION + i] = (struct map_sample){.quality = MAP_INVALID, .time_ns = now};
+	ASK(0, C_RD_NA, 1, REQUEST, 0, CA_7001, IOA(200));
+	EXPECT(0, PLACE_OF, 1, REQUEST, 0, CA_7001, IOA(200), I32(0), I32(0), 0, 0, 0x80, 0,
+	       MAP_INVALID | MAP_OVERFLOW, TIME);
 }
 
 /* Without an altitude the position is as good: it says the least that there is, with overflow. */
@@ -225,6 +237,7 @@ int main(void)
 	    RECEIVER(test_unacknowledged_events_are_sent_again),
 	    RECEIVER(test_lost_events),
 	    RECEIVER(test_owner_is_down),
+	    RECEIVER(test_no_place),
 	    RECEIVER(test_altitude_is_not_known),
 	};
 

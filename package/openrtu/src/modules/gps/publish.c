@@ -65,14 +65,20 @@ static union map_value value_of(const struct gps_fix *fix, enum gps_point point)
 	return (union map_value){.i = 0};
 }
 
-/* Which field of a fix a point is of; 0: of the receiver itself, which says it without a fix too. */
+/* What a receiver says without a fix too. */
+static bool is_of_receiver(enum gps_point point)
+{
+	return point == GPS_POINT_FIX || point == GPS_POINT_SATELLITES;
+}
+
+/* Which field of a fix a point is of; 0: it is always known. */
 static uint32_t needs(enum gps_point point)
 {
 	static const uint32_t fields[GPS_POINTS] = {
 	    [GPS_POINT_LATITUDE] = GPS_POSITION, [GPS_POINT_LONGITUDE] = GPS_POSITION,
 	    [GPS_POINT_ALTITUDE] = GPS_ALTITUDE, [GPS_POINT_SPEED] = GPS_SPEED,
 	    [GPS_POINT_COURSE] = GPS_COURSE,     [GPS_POINT_HDOP] = GPS_HDOP,
-	    [GPS_POINT_ERROR] = GPS_ERROR,
+	    [GPS_POINT_ERROR] = GPS_ERROR,       [GPS_POINT_SATELLITES] = GPS_SATELLITES,
 	};
 
 	return fields[point];
@@ -86,14 +92,13 @@ static uint32_t fix_and_satellites(const struct gps_fix *fix)
 	return value_of(fix, GPS_POINT_FIX).u | satellites << 4;
 }
 
-/* quality: of the position. */
+/* quality: of the position. That the receiver itself says is as good without one. */
 static uint8_t quality_of(const struct gps_fix *fix, enum gps_point point, uint8_t quality)
 {
 	const uint32_t field = needs(point);
+	const uint8_t known = is_of_receiver(point) ? quality & MAP_NOT_TOPICAL : quality;
 
-	if (field == 0)
-		return quality & MAP_NOT_TOPICAL;
-	return (fix->known & field) == 0 ? quality | MAP_INVALID : quality;
+	return (fix->known & field) == field ? known : known | MAP_INVALID;
 }
 
 /* One of the set's points, by its place in it. */

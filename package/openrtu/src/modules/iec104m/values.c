@@ -240,7 +240,7 @@ static void samples_of(const struct iec104_geoposition *position, int64_t time_n
 	out[0] = (struct map_sample){.value.u = fix, .quality = exact, .time_ns = time_ns};
 	out[1] = (struct map_sample){.value.i = position->latitude, .quality = exact, .time_ns = time_ns};
 	out[2] = (struct map_sample){.value.i = position->longitude, .quality = exact, .time_ns = time_ns};
-	out[3] = (struct map_sample){.value.f = (float)position->altitude_dm / DM_PER_M,
+	out[3] = (struct map_sample){.value.f = unknown ? 0 : (float)position->altitude_dm / DM_PER_M,
 				     .quality = unknown ? exact | MAP_INVALID : quality,
 				     .time_ns = time_ns};
 }
