@@ -132,7 +132,8 @@ def test_altitude_that_is_not_known(programs: Path, directory: Path) -> None:
         points = {name: drive.point(name)["quality"] for name in ("latitude", "altitude", "satellites")}
         assert points == {"latitude": "good", "altitude": "invalid", "satellites": "invalid"}
         drive.say(FAR, method=0)
-        assert told(SPONTANEOUS) == read() == nothing
+        lost = (True, NO_ALTITUDE_DM, 0x00, INVALID | OVERFLOW)  # the last place
+        assert told(SPONTANEOUS) == read() == lost
         assert drive.point("satellites")["quality"] == "good"
 
 

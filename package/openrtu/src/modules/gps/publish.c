@@ -84,6 +84,11 @@ static uint32_t needs(enum gps_point point)
 	return fields[point];
 }
 
+static uint8_t keeps(const struct gps_fix *fix, uint32_t field)
+{
+	return (fix->known & field) == field ? 0 : MAP_UPDATE_KEEPS_VALUE;
+}
+
 /* What MAP_POINT_POSITION says beside the three points behind it. */
 static uint32_t fix_and_satellites(const struct gps_fix *fix)
 {
@@ -98,10 +103,10 @@ static uint8_t quality_of(const struct gps_fix *fix, enum gps_point point, uint8
 	const uint32_t field = needs(point);
 	const uint8_t known = is_of_receiver(point) ? quality & MAP_NOT_TOPICAL : quality;
 
-	return (fix->known & field) == field ? known : known | MAP_INVALID;
+	return keeps(fix, field) ? known | MAP_INVALID : known;
 }
 
-/* One of the set's points, by its place in it. */
+/* One of the set's points, by its place in it. Where the fix does not say it, the last value stays, which is invalid then. */
 static struct map_update update_of(const struct publisher *publisher, const struct gps_fix *fix,
 				   uint8_t quality, uint32_t place)
 {
@@ -114,10 +119,11 @@ static struct map_update update_of(const struct publisher *publisher, const stru
 	} else if (point < GPS_POINTS) {
 		update.sample.value = value_of(fix, point);
 		update.sample.quality = quality_of(fix, point, quality);
+		update.flags = keeps(fix, needs(point));
 	} else {
-		update.sample.value.u = (fix->known & GPS_POSITION) != 0 &&
-					gps_fence_holds(&publisher->fences[fence],
+		update.sample.value.u = gps_fence_holds(&publisher->fences[fence],
 							(struct gps_place){fix->latitude, fix->longitude});
+		update.flags = keeps(fix, GPS_POSITION);
 	}
 	return update;
 }
