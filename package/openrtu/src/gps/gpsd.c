@@ -5,6 +5,7 @@
 
 #include "gps/json.h"
 #include "gps/number.h"
+#include "gps/sky.h"
 #include "map/time_ns.h"
 
 #define E7           10000000LL
@@ -220,8 +221,8 @@ static void on_item(void *context, const struct gps_json_item *item)
 	if (item->kind == GPS_JSON_OBJECT) {
 		reading->satellite = (struct gps_satellite){.constellation = 'P'};
 	} else if (item->kind == GPS_JSON_END) {
-		if (is_satellite(item) && sky->count < GPS_SKY_MAX)
-			sky->satellites[sky->count++] = reading->satellite;
+		if (is_satellite(item))
+			gps_sky_add(sky, &reading->satellite);
 	} else if (item->depth == 1) {
 		read_kind(reading, item);
 		if (reading->tpv) {
@@ -298,7 +299,8 @@ static void keep_sky(struct gpsd_reader *reader, const struct reading *reading)
 		used += view->sky.satellites[i].used;
 	reader->sky = view->sky;
 	reader->has_sky = true;
-	reader->satellites = reading->has_used ? (uint8_t)reading->used : used;
+	/* Its own number counts the signals. */
+	reader->satellites = view->sky.count > 0 ? used : (uint8_t)reading->used;
 }
 
 static bool take_line(struct gpsd_reader *reader, int64_t now_ns, struct gps_fix *fix)

@@ -11,7 +11,7 @@
 #include "gps/line.h"
 
 #define GPSD_WATCH    "?WATCH={\"enable\":true,\"json\":true};\n"
-#define GPSD_LINE_MAX 10240 /* GPS_JSON_RESPONSE_MAX of gpsd */
+#define GPSD_LINE_MAX 40960 /* four times GPS_JSON_RESPONSE_MAX: what gpsd 3.27 writes at most */
 
 struct gpsd_reader {
 	struct gps_calendar calendar;

@@ -20,14 +20,18 @@ static struct gps_satellite *find(struct gps_sky *sky, char constellation, uint1
 	return NULL;
 }
 
-static void add(struct gps_sky *sky, const struct gps_satellite *seen)
+void gps_sky_add(struct gps_sky *sky, const struct gps_satellite *seen)
 {
 	struct gps_satellite *known = find(sky, seen->constellation, seen->number);
 
-	if (known != NULL && known->snr < seen->snr)
+	if (known == NULL) {
+		if (sky->count < GPS_SKY_MAX)
+			sky->satellites[sky->count++] = *seen;
+		return;
+	}
+	known->used |= seen->used;
+	if (known->snr < seen->snr)
 		known->snr = seen->snr;
-	else if (known == NULL && sky->count < GPS_SKY_MAX)
-		sky->satellites[sky->count++] = *seen;
 }
 
 void gps_sky_see(struct gps_sky *sky, const struct nmea_report *report)
@@ -35,7 +39,7 @@ void gps_sky_see(struct gps_sky *sky, const struct nmea_report *report)
 	if (report->first)
 		forget(sky, report->constellation);
 	for (unsigned i = 0; i < report->seen_count; i++)
-		add(sky, &report->seen[i]);
+		gps_sky_add(sky, &report->seen[i]);
 }
 
 void gps_sky_use(struct gps_sky *sky, const struct nmea_report *report)

@@ -10,5 +10,7 @@ void gps_sky_see(struct gps_sky *sky, const struct nmea_report *report);
 /* A GSA: these are used. */
 void gps_sky_use(struct gps_sky *sky, const struct nmea_report *report);
 void gps_sky_forget_used(struct gps_sky *sky);
+/* One more, or another signal of one. */
+void gps_sky_add(struct gps_sky *sky, const struct gps_satellite *seen);
 
 #endif

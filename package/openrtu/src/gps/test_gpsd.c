@@ -3,6 +3,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <string.h>
 
 #include <cmocka.h>
@@ -68,6 +69,30 @@ static void test_a_fix(void **state)
 	assert_int_equal(fix.sky.satellites[0].snr, 50);
 	assert_int_equal(fix.sky.satellites[1].constellation, 'L');
 	assert_int_equal(fix.sky.satellites[1].azimuth, 0);
+}
+
+/* A receiver of three bands: gpsd says each satellite once for each of its signals, in lines of 12 kB. */
+static void test_a_satellite_on_several_signals(void **state)
+{
+	char line[14000] = "{\"class\":\"SKY\",\"uSat\":200,\"satellites\":[";
+	size_t size = strlen(line);
+
+	(void)state;
+	for (int i = 0; i < 200; i++)
+		size += (size_t)snprintf(line + size, sizeof(line) - size,
+					 "%s{\"PRN\":%d,\"gnssid\":0,\"sigid\":%d,\"ss\":%d,\"used\":%s}",
+					 i > 0 ? "," : "", i / 10, i % 10, 20 + i % 10,
+					 i % 20 == 0 ? "true" : "false");
+	snprintf(line + size, sizeof(line) - size, "]}\n");
+	assert_in_range(strlen(line), 10241, sizeof(line) - 1);
+	take(line);
+	assert_int_equal(reader.counters[NMEA_DAMAGED], 0);
+	take(TPV);
+	assert_int_equal(fix.sky.count, 20);
+	assert_int_equal(fix.sky.satellites[0].snr, 29);
+	assert_true(fix.sky.satellites[0].used);
+	assert_false(fix.sky.satellites[1].used);
+	assert_int_equal(fix.satellites, 10);
 }
 
 static void test_octet_by_octet(void **state)
@@ -192,6 +217,7 @@ int main(void)
 {
 	const struct CMUnitTest tests[] = {
 	    cmocka_unit_test_setup(test_a_fix, setup),
+	    cmocka_unit_test_setup(test_a_satellite_on_several_signals, setup),
 	    cmocka_unit_test_setup(test_octet_by_octet, setup),
 	    cmocka_unit_test_setup(test_no_fix, setup),
 	    cmocka_unit_test_setup(test_a_date_that_is_not_believed, setup),
