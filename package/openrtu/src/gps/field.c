@@ -100,7 +100,17 @@ int32_t nmea_date(struct nmea_fields *fields, unsigned place)
 	return days;
 }
 
-/* "5213.1439" with degree_digits 2, and a hemisphere beside it, in 1e-7 degree. */
+static size_t digits_before_point(struct nmea_text text)
+{
+	const char *point = memchr(text.at, '.', text.size);
+
+	return point == NULL ? text.size : (size_t)(point - text.at);
+}
+
+/*
+ * "5213.1439" with degree_digits 2, and a hemisphere beside it, in 1e-7 degree. Who leaves out zeros, or says degrees with a fraction, is
+ * not understood: his digits would be of another place.
+ */
 static int32_t angle(struct nmea_fields *fields, unsigned place, unsigned degree_digits,
 		     const char *hemispheres)
 {
@@ -108,8 +118,8 @@ static int32_t angle(struct nmea_fields *fields, unsigned place, unsigned degree
 	char hemisphere = nmea_letter(fields, place + 1);
 	int64_t degrees, minutes, value, limit = degree_digits == 2 ? 90 : 180;
 
-	if (text.size < degree_digits + 2 || hemisphere == 0 || strchr(hemispheres, hemisphere) == NULL ||
-	    text.at[0] < '0' || text.at[degree_digits] < '0' ||
+	if (digits_before_point(text) != degree_digits + 2 || hemisphere == 0 ||
+	    strchr(hemispheres, hemisphere) == NULL || text.at[0] < '0' || text.at[degree_digits] < '0' ||
 	    !gps_decimal(text.at, degree_digits, 0, &degrees) ||
 	    !gps_decimal(text.at + degree_digits, text.size - degree_digits, MINUTE_DECIMALS, &minutes) ||
 	    minutes >= 60 * MINUTE) {
