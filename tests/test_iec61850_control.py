@@ -36,10 +36,18 @@ def configuration(port: int) -> dict[str, Any]:
     registers = [{"address": 0, "step": 10, "min": -20, "max": 35}, {"address": 4, "type": "bitstring"}]
     slave = {"id": 5, **patience(1000), "coils": coils, "holding_registers": registers}
     pace = {"baud_rate": 38400, "data_bits": 8, "stop_bits": 1, "parity": 0}
+    seen = [f"p{DEVICE}.c2[stVal]", f"p{DEVICE}.c2"]
+    blocks = [{"name": "brcbSeen", "buffered": True}, {"name": "urcbSeen"}]
+    reports = [block | {"triggers": ["dchg"], "options": ["reasonCode"]} for block in blocks]
     return {
         "iec104": {"connections_per_address": 8},
         "commands": {"select_timeout": SELECT_S, "command_timeout": COMMAND_S},
-        "iec61850": {"address": "127.0.0.1", "port": port, "controllers": ["127.0.0.1"]},
+        "iec61850": {
+            "address": "127.0.0.1",
+            "port": port,
+            "controllers": ["127.0.0.1"],
+            "data_sets": [{"name": "Seen", "points": seen, "reports": reports}],
+        },
         "port": [{"value": 1, "active": 1, **pace, "slaves": [slave]}],
     }
 
@@ -215,6 +223,47 @@ def test_stseld_shows_a_selection_of_any_protocol(plant: Plant) -> None:
         master.request(C_DC, CA, 3, bytes([2]))
         assert master.answer(C_DC).cause == ACT_CON
         assert seen()[0] == 0
+
+
+@pytest.mark.parametrize("block", ["LLN0$RP$urcbSeen01", "LLN0$BR$brcbSeen01"])
+def test_a_change_of_stseld_is_told(plant: Plant, block: str) -> None:
+    """7-3: its trigger is dchg. Of the data object and the attribute, not of the value; whoever selects."""
+    names = [f"GGIO1$ST${BREAKER}$stVal", f"GGIO1$ST${BREAKER}", f"GGIO1$ST${BREAKER}$stSeld"]
+    chosen = {"OptFlds": "8403061000", "TrgOps": "84020240", "RptEna": "8301ff"}
+    with plant.client() as client, RawMaster(*plant.gateway.address) as master:
+        off = [(0x84, b"\6\x40")]
+        plant.gateway.wait_for(lambda: client.values((DOMAIN, names[0])) == off, 60.0, "the value is at rest")
+        if "RP" in block:
+            listed = [element(mms.SEQUENCE, element(0xA0, mms.name(DOMAIN, name))) for name in names]
+            made = element(mms.LIST_DEFINE, mms.name(DOMAIN, "LLN0$All"), element(0xA0, *listed))
+            assert client.ask(made)[0] == mms.RESPONSE
+            chosen = {"DatSet": element(0x8A, f"{DOMAIN}/LLN0$All".encode()).hex()} | chosen
+        else:
+            chosen = {"PurgeBuf": "8301ff"} | chosen
+        for name, octets in chosen.items():
+            assert client.write(DOMAIN, (f"{block}${name}", bytes.fromhex(octets))) == [DONE], name
+
+        def told(wanted: int) -> None:
+            """The value comes first, then the data object, which ends with stSeld; a client adds that."""
+            _, _, inclusion, *rest = client.report()
+            values = rest[: len(rest) // 2]
+            assert inclusion[1][1] == (0b0110_0000 if "RP" in block else 0b0100_0000)
+            assert mms.elements(values[0][1])[-1] == (0x83, bytes([wanted]))
+            assert values[1:] == ([(0x83, bytes([wanted]))] if "RP" in block else [])
+            assert {reason[1][1] for reason in rest[len(values) :]} == {0x40}
+
+        for _ in range(2):
+            assert act(client, "SBOw", BREAKER) == DONE
+            told(1)
+            assert act(client, "Cancel", BREAKER) == DONE
+            told(0)
+        plant.gateway.wait_for(plant.is_free, 60.0, "the selection is over")
+        master.request(C_DC, CA, 3, bytes([SELECT | 2]))
+        assert master.answer(C_DC).cause == ACT_CON
+        told(1)
+        master.request(C_DC, CA, 3, bytes([SELECT | 2]), 8)  # deactivation
+        told(0)
+        assert client.reports == []
 
 
 def test_a_selection_of_one_protocol_blocks_the_others(plant: Plant) -> None:

@@ -74,7 +74,7 @@ enum iec61850_begun iec61850_buffer_begin(struct iec61850_buffer *buffer, void *
 }
 
 void iec61850_buffer_add(struct iec61850_buffer *buffer, uint32_t point, uint8_t reason,
-			 const struct map_sample *sample)
+			 const struct map_sample *sample, int64_t noted_ns)
 {
 	struct map_history_entry *entry = &buffer->history.entries[buffer->next & (buffer->history.size - 1)];
 
@@ -85,6 +85,7 @@ void iec61850_buffer_add(struct iec61850_buffer *buffer, uint32_t point, uint8_t
 	entry->start = buffer->history.head->start;
 	entry->reason = reason;
 	entry->time = MAP_TIME_MONOTONIC;
+	entry->noted_ns = noted_ns;
 	entry->sample = *sample;
 	atomic_store_explicit(&entry->number, buffer->next++, memory_order_release);
 	if (buffer->next == 0)

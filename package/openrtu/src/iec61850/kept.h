@@ -66,9 +66,9 @@ static inline struct iec61850_kept_block *iec61850_buffer_block(const struct iec
 {
 	return (void *)buffer->history.readers[number].octets;
 }
-/* Adds an entry; it counts, after a crash too, from iec61850_buffer_settle on. */
+/* Adds an entry of what happened then; it counts, after a crash too, from iec61850_buffer_settle on. */
 void iec61850_buffer_add(struct iec61850_buffer *buffer, uint32_t point, uint8_t reason,
-			 const struct map_sample *sample);
+			 const struct map_sample *sample, int64_t noted_ns);
 /* All that was added is from events before this cursor. */
 void iec61850_buffer_settle(struct iec61850_buffer *buffer, const struct map_cursor *cursor);
 struct map_cursor iec61850_buffer_cursor(const struct iec61850_buffer *buffer);

@@ -62,7 +62,10 @@ enum iec61850_trigger {
 	IEC61850_INTEGRITY = 0x08,
 	IEC61850_GENERAL = 0x04,
 	IEC61850_TRIGGERS = 0x7c,
-	IEC61850_RANGE_CHANGE = 0x01, /* no trigger: what a data change is to range, which is not told else */
+	/* No triggers. What a data change is to range and to stSeld, which are not told else: and stSeld as it was then. */
+	IEC61850_RANGE_CHANGE = 0x01,
+	IEC61850_SELECTION_CHANGE = 0x02,
+	IEC61850_WAS_SELECTED = 0x80,
 };
 enum iec61850_option {
 	IEC61850_SEQUENCE = 0x4000,
@@ -160,6 +163,7 @@ struct iec61850_model {
 	size_t reason_count;
 	struct iec61850_place *places;
 	struct iec61850_unit units[MAP_UNITS_MAX + 1]; /* by number in map_point.unit */
+	bool *selected;                                /* each point, as it was told last */
 	struct map_sample *image; /* of each point, as the events have it that were taken */
 	struct iec61850_buffer buffer;
 	uint32_t revision; /* of the configuration, as configRev shows it */

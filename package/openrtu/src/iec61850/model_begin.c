@@ -481,13 +481,14 @@ bool iec61850_model_of(struct iec61850_model *model, const struct map_config *co
 					 .devices = calloc(config->set_count + 1, sizeof(*model->devices))};
 	model->places = calloc(config->point_count + 1, sizeof(*model->places));
 	model->image = calloc(config->point_count + 1, sizeof(*model->image));
+	model->selected = calloc(config->point_count + 1, sizeof(*model->selected));
 	model->assigned = calloc(config->point_count + 1, sizeof(*model->assigned));
 	/* Each device has GGIO1 at most besides those of the configuration. */
 	model->lns = calloc((size_t)config->set_count * (IEC61850_LNS_FIXED + 1) +
 				map_record_count(config, IEC61850_ASSIGNMENTS) + 1,
 			    sizeof(*model->lns));
 	if (model->points == NULL || model->devices == NULL || model->places == NULL ||
-	    model->image == NULL || model->assigned == NULL || model->lns == NULL)
+	    model->image == NULL || model->selected == NULL || model->assigned == NULL || model->lns == NULL)
 		return false;
 	for (uint32_t i = 0; i < config->point_count; i++)
 		model->points[i] = i;
@@ -518,6 +519,7 @@ void iec61850_model_end(struct iec61850_model *model)
 	free(model->reasons);
 	free(model->places);
 	free(model->image);
+	free(model->selected);
 	free(model->assigned);
 	free(model->lns);
 }

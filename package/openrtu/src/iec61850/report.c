@@ -48,8 +48,12 @@ static unsigned reasons_of(const struct iec61850_node *node)
 /* Those of a point's reasons for which an attribute of it, or all, is told. */
 static unsigned reasons_for(const struct iec61850_node *node, unsigned reason)
 {
+	const unsigned changes = IEC61850_DATA_CHANGE | IEC61850_QUALITY_CHANGE | IEC61850_DATA_UPDATE;
+
 	if (node != NULL && node->leaf == IEC61850_RANGE && !(reason & IEC61850_RANGE_CHANGE))
 		reason &= ~(unsigned)IEC61850_DATA_CHANGE;
+	if (node != NULL && (node->leaf == IEC61850_SELD) != ((reason & IEC61850_SELECTION_CHANGE) != 0))
+		reason &= ~changes;
 	return reason & reasons_of(node);
 }
 
@@ -64,6 +68,18 @@ static void mark_point(const struct iec61850_model *model, uint32_t point, unsig
 			if (!device->blocks[j].buffered && iec61850_set_has(model, device->blocks[j].set, i))
 				mark(&device->blocks[j], i - model->sets[device->blocks[j].set].first,
 				     reasons_for(model->nodes[i], reason), now_ns);
+}
+
+static unsigned selected_then(const struct iec61850_model *model, uint32_t point)
+{
+	return model->selected[point] ? IEC61850_WAS_SELECTED : 0;
+}
+
+static void keep(struct iec61850_server *server, uint32_t point, unsigned reason,
+		 const struct map_sample *sample)
+{
+	reason |= selected_then(&server->model, point);
+	iec61850_buffer_add(&server->model.buffer, point, (uint8_t)reason, sample, sample->time_ns);
 }
 
 /* Why a sample is told; 0: it is not. A counter's detail is the number of its freeze, which clients do not see. */
@@ -104,7 +120,7 @@ static void note(struct iec61850_server *server, uint32_t point, const struct ma
 		return; /* the image keeps the time of the last change */
 	model->image[point] = *sample;
 	if (reason != IEC61850_DATA_UPDATE || keeps_updates(model, point))
-		iec61850_buffer_add(&server->model.buffer, point, (uint8_t)reason, sample);
+		keep(server, point, reason, sample);
 	mark_point(model, point, reason, now_ns);
 }
 
@@ -116,8 +132,41 @@ static void note_past(struct iec61850_server *server, uint32_t point, const stru
 
 	if (reason == 0)
 		return;
-	iec61850_buffer_add(&server->model.buffer, point, (uint8_t)reason, sample);
-	iec61850_buffer_add(&server->model.buffer, point, (uint8_t)reason, &model->image[point]);
+	keep(server, point, reason, sample);
+	keep(server, point, reason, &model->image[point]);
+}
+
+static bool has_selection(const struct iec61850_model *model, uint32_t point)
+{
+	const enum iec61850_ctl_kind kind = iec61850_ctl_model(model, point);
+
+	return kind == IEC61850_SBO_NORMAL || kind == IEC61850_SBO_ENHANCED;
+}
+
+/* Neither the value nor its time changes. */
+void iec61850_report_selection(struct iec61850_server *server, uint32_t point, int64_t now_ns)
+{
+	const struct iec61850_model *model = &server->model;
+	const unsigned reason = IEC61850_DATA_CHANGE | IEC61850_SELECTION_CHANGE;
+
+	if (point >= model->config->point_count ||
+	    iec61850_is_selected(model, point) == model->selected[point])
+		return;
+	model->selected[point] = !model->selected[point];
+	if (!has_selection(model, point))
+		return;
+	iec61850_buffer_add(&server->model.buffer, point, (uint8_t)(reason | selected_then(model, point)),
+			    &model->image[point], now_ns);
+	mark_point(model, point, reason, now_ns);
+}
+
+void iec61850_report_selections(struct iec61850_server *server, int64_t now_ns)
+{
+	const struct map_config *config = server->model.config;
+
+	for (uint32_t i = 0; i < config->point_count; i++)
+		if (config->points[i].flags & MAP_POINT_SELECT)
+			iec61850_report_selection(server, i, now_ns);
 }
 
 static void note_owner(struct iec61850_server *server, uint32_t module, int64_t now_ns)
@@ -259,6 +308,8 @@ void iec61850_report_begin(struct iec61850_server *server, void *section, struct
 		if (model->blocks[i].buffered)
 			load_block(&model->blocks[i], &buffer->history.readers[model->blocks[i].kept_number]);
 	take_image(model, begun);
+	for (uint32_t i = 0; i < model->config->point_count; i++)
+		model->selected[i] = iec61850_is_selected(model, i);
 	if (begun == IEC61850_GOES_ON)
 		*cursor = iec61850_buffer_cursor(buffer);
 	else if (begun == IEC61850_GOES_ON_LATER)
@@ -643,7 +694,9 @@ static void put_member(struct iec61850_server *server, struct ber_writer *writer
 	if (reason & (IEC61850_GENERAL | IEC61850_INTEGRITY))
 		iec61850_read_point(&server->model, point, &sample);
 	iec61850_put_sample(writer, &server->model, object, &sample,
-			    entry != NULL ? entry->time : (uint8_t)MAP_TIME_MONOTONIC);
+			    entry != NULL ? entry->time : (uint8_t)MAP_TIME_MONOTONIC,
+			    entry != NULL ? (entry->reason & IEC61850_WAS_SELECTED) != 0
+					  : iec61850_is_selected(&server->model, point));
 }
 
 /* What is said of the chosen members, from the last to the first: reasons, values, references, inclusion. */
@@ -686,8 +739,7 @@ static int64_t time_of_report(const struct iec61850_server *server)
 	const struct map_clock clock = map_clock_read(server->model.map);
 	const struct map_history_entry *entry = server->entry;
 	const struct map_event event = {.time = entry != NULL ? entry->time : (uint8_t)MAP_TIME_MONOTONIC,
-					.sample.time_ns =
-					    entry != NULL ? entry->sample.time_ns : server->now_ns};
+					.sample.time_ns = entry != NULL ? entry->noted_ns : server->now_ns};
 
 	return map_event_wall_ns(&event, clock);
 }

@@ -23,6 +23,10 @@ bool iec61850_blocks_owned(const struct iec61850_server *server, const void *cli
 void iec61850_report_begin(struct iec61850_server *server, void *section, struct map_cursor *cursor,
 			   uint32_t start);
 /* The events before this place were told to iec61850_report_event. */
+/* Tells whether a point is selected, if that has changed: by whom and how ever. */
+void iec61850_report_selection(struct iec61850_server *server, uint32_t point, int64_t now_ns);
+/* The same of all points: a selection that others make, or that ends by itself, rings no bell. */
+void iec61850_report_selections(struct iec61850_server *server, int64_t now_ns);
 void iec61850_report_settle(struct iec61850_server *server, const struct map_cursor *cursor);
 /* Takes the image of all points; what differs from the former one is pending. When events were lost. */
 void iec61850_report_all(struct iec61850_server *server, int64_t now_ns);

@@ -222,10 +222,10 @@ static void test_a_block_whose_entries_are_lost_tells_it(void **state)
 	assert_int_equal(iec61850_buffer_first(&buffer, level, &lost), 10);
 	assert_false(lost);
 	for (uint32_t i = 0; i < ENTRIES; i++)
-		iec61850_buffer_add(&buffer, 0, 0, &sample);
+		iec61850_buffer_add(&buffer, 0, 0, &sample, sample.time_ns);
 	assert_int_equal(iec61850_buffer_first(&buffer, level, &lost), 10);
 	assert_false(lost);
-	iec61850_buffer_add(&buffer, 0, 0, &sample);
+	iec61850_buffer_add(&buffer, 0, 0, &sample, sample.time_ns);
 	assert_int_equal(iec61850_buffer_first(&buffer, level, &lost), 11);
 	assert_true(lost);
 }

@@ -27,6 +27,7 @@ struct state {
 	int64_t number;
 	float real;
 	bool transient;
+	bool selected;
 	enum map_range range;
 	uint16_t quality;
 	uint8_t time[8];
@@ -126,6 +127,13 @@ bool iec61850_read_point(const struct iec61850_model *model, uint32_t number, st
 	return true;
 }
 
+bool iec61850_is_selected(const struct iec61850_model *model, uint32_t point)
+{
+	struct map_command command;
+
+	return map_command_read(model->map, point, &command) && command.state == MAP_ACCEPTED_SELECTION;
+}
+
 static bool load_point(const struct iec61850_model *model, uint32_t number, struct state *out)
 {
 	struct map_sample sample;
@@ -133,6 +141,7 @@ static bool load_point(const struct iec61850_model *model, uint32_t number, stru
 	if (!iec61850_read_point(model, number, &sample))
 		return false;
 	set_sample(model, number, sample, out);
+	out->selected = iec61850_is_selected(model, number);
 	return true;
 }
 
@@ -271,15 +280,6 @@ static enum iec61850_ctl_kind control_model(const struct iec61850_model *model,
 	return point == MAP_NONE ? IEC61850_STATUS_ONLY : iec61850_ctl_model(model, point);
 }
 
-/* By whomever, with any protocol. The map keeps no former selections: a report has what is now. */
-static bool is_selected(const struct iec61850_model *model, const struct iec61850_object *object)
-{
-	struct map_command command;
-
-	return map_command_read(model->map, iec61850_point_of(model, object), &command) &&
-	       command.state == MAP_ACCEPTED_SELECTION;
-}
-
 static const struct map_point *config_of(const struct iec61850_model *model,
 					 const struct iec61850_object *object)
 {
@@ -410,8 +410,7 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 		ber_put_integer(writer, IEC61850_TAG_INTEGER, control_model(model, state->object));
 		return;
 	case IEC61850_SELD:
-		ber_put(writer, IEC61850_TAG_BOOLEAN, (const uint8_t[]){is_selected(model, state->object)},
-			1);
+		ber_put(writer, IEC61850_TAG_BOOLEAN, (const uint8_t[]){state->selected}, 1);
 		return;
 	case IEC61850_SBO_TIMEOUT:
 		ber_put_integer(writer, IEC61850_TAG_UNSIGNED, map_select_timeout_s(model->map) * MS_PER_S);
@@ -510,12 +509,13 @@ static void put_node(struct ber_writer *writer, const struct iec61850_model *mod
 }
 
 void iec61850_put_sample(struct ber_writer *writer, const struct iec61850_model *model,
-			 const struct iec61850_object *object, const struct map_sample *sample, uint8_t time)
+			 const struct iec61850_object *object, const struct map_sample *sample, uint8_t time,
+			 bool selected)
 {
 	const struct iec61850_nodes inside = iec61850_nodes_of(model, object->device, object->ln,
 							       object->number, (enum iec61850_fc)object->fc);
 	const size_t end = writer->at;
-	struct state state = {.object = object};
+	struct state state = {.object = object, .selected = selected};
 
 	set_sample(model, iec61850_point_of(model, object), *sample, &state);
 	if (time != MAP_TIME_MONOTONIC)

@@ -21,9 +21,12 @@ bool iec61850_read_point(const struct iec61850_model *model, uint32_t number, st
 /* Puts a variable's value. False: it cannot be read now; what was put is of no use then. */
 bool iec61850_put_value(struct ber_writer *writer, const struct iec61850_model *model,
 			const struct iec61850_object *object);
-/* The same of a point's data object with this sample, whose time is that (enum map_event_time). */
+/* Whether a point is selected now, by whomever, with any protocol. */
+bool iec61850_is_selected(const struct iec61850_model *model, uint32_t point);
+/* The same of a point's data object with this sample, whose time is that (enum map_event_time), selected or not. */
 void iec61850_put_sample(struct ber_writer *writer, const struct iec61850_model *model,
-			 const struct iec61850_object *object, const struct map_sample *sample, uint8_t time);
+			 const struct iec61850_object *object, const struct map_sample *sample, uint8_t time,
+			 bool selected);
 /* The reference of a data set, as DatSet has it: LD/LLN0$status, or @name of an association's own. */
 void iec61850_set_reference(const struct iec61850_model *model, const struct iec61850_device *device,
 			    const struct iec61850_set *set, char out[IEC61850_REFERENCE_SIZE]);

@@ -142,6 +142,7 @@ static void take_entry(const struct map *map, const struct journal_event *event,
 	    .start = start,
 	    .reason = event->module,
 	    .time = now.time,
+	    .noted_ns = now.sample.time_ns, /* the file has no other */
 	    .sample = now.sample,
 	};
 }

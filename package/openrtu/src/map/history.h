@@ -19,6 +19,8 @@ struct map_history_entry {
 	uint8_t reason; /* its keeper's */
 	uint8_t time;   /* enum map_event_time */
 	uint16_t reserved;
+	int64_t
+	    noted_ns; /* when it happened, by the clock of the sample's time: of another thing than the value, not with it */
 	struct map_sample sample;
 };
 

@@ -291,12 +291,14 @@ static void take_events(int64_t now_ns)
 }
 
 /* Before the events: what a command has read back is there when its end is. */
-static void take_answers(void)
+static void take_answers(int64_t now_ns)
 {
 	struct map_answer answer;
 
-	while (map_answer_next(map, &answer))
+	while (map_answer_next(map, &answer)) {
 		iec61850_control_answer(&server, &answer);
+		iec61850_report_selection(&server, answer.point, now_ns);
+	}
 }
 
 static int wait_ms(int64_t now_ns)
@@ -354,8 +356,8 @@ static int64_t happened_ns(const struct map_history_entry *entry)
 	const int64_t now_ns = map_now_ns();
 
 	return entry->time == MAP_TIME_MONOTONIC
-		   ? entry->sample.time_ns
-		   : now_ns - (map_wall_ns(map_clock_read(map), now_ns) - entry->sample.time_ns);
+		   ? entry->noted_ns
+		   : now_ns - (map_wall_ns(map_clock_read(map), now_ns) - entry->noted_ns);
 }
 
 static void show_queue(struct iec61850_shown *shown, const struct iec61850_block *block)
@@ -421,6 +423,8 @@ static void do_what_has_time(int64_t now_ns)
 		return;
 	done_ns = now_ns;
 	iec61850_blocks_tick(&server);
+	iec61850_report_selections(&server, now_ns);
+	iec61850_report_settle(&server, &cursor);
 	show();
 }
 
@@ -502,7 +506,7 @@ static void run(int stop, int listener)
 		else
 			map_bell_clear_if_taken(map);
 		channel_watch(now_ns);
-		take_answers();
+		take_answers(now_ns);
 		iec61850_controls_tick(&server);
 		take_events(now_ns);
 		serve_all(waits + CONNECTIONS, count, now_ns);
