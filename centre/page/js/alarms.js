@@ -4,13 +4,12 @@ import { fate, stateText } from "./command.js";
 import { fill, h, Rows, setText, state, tabs } from "./dom.js";
 import * as live from "./live.js";
 import { empty } from "./points.js";
-import { valueText } from "./quality.js";
-import { number, t, time } from "./words.js";
+import { qualityOf, valueText } from "./quality.js";
+import { ahead, number, t, time } from "./words.js";
 
 const PRIORITIES = { 1: ["bad", "high"], 2: ["old", "medium"], 3: ["none", "low"] };
 const SHELVED_MIN = 60;
 const CAUSES_OF_EVENTS = { 3: "spontaneous", 11: "remote", 12: "local", 20: "interrogated" };
-const INVALID = 128;
 const ACCEPTED = 2; // state of a command
 let sound = false;
 let names = new Map(); // points of all stations: alarms name them
@@ -27,7 +26,7 @@ function words(alarm) {
   const point = names.get(alarm.point);
   const value = point ? `${valueText(point, alarm.value)} ${point.unit}`.trim() : number(alarm.value ?? 0);
   const name = live.stations.get(alarm.station)?.name ?? "";
-  return t(`alarm_${alarm.kind}`, { n: alarm.value, ca: alarm.ca, point: pointName(alarm.point), value, area: alarm.area, name });
+  return t(`alarm_${alarm.kind}`, { n: alarm.value, off: ahead(1000 * alarm.value), ca: alarm.ca, point: pointName(alarm.point), value, area: alarm.area, name });
 }
 
 function beep() {
@@ -158,8 +157,8 @@ const TABS = {
     [h("a", { href: "api/events?format=csv", download: "" }, "CSV")],
     async () => (await live.ask("events")).map((event) => {
       const point = names.get(event.point);
-      const good = event.quality & INVALID ? state("bad", t("invalid")) : event.quality ? state("old", t("not_topical")) : state("good", t("good"));
-      return [time(event.at, true), stationName(event.station), pointName(event.point), point ? `${valueText(point, event.value)} ${point.unit}` : number(event.value), good,
+      const { kind, word } = qualityOf(event.quality);
+      return [time(event.at, true), stationName(event.station), pointName(event.point), point ? `${valueText(point, event.value)} ${point.unit}` : number(event.value), state(kind, word),
         CAUSES_OF_EVENTS[event.cause] ?? String(event.cause)];
     })),
   commands: (place) => list(place, "commands", ["time", "user_name", "station", "name", "value", "state"], [],

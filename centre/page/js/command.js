@@ -50,6 +50,7 @@ export function commandDialogue(pointId) {
   let value = null;
   let command = null;
   let busy = false;
+  let left = false; // by Escape
 
   const choices = CHOICES[first.command];
   if (choices) {
@@ -86,6 +87,7 @@ export function commandDialogue(pointId) {
       end.replaceChildren(outcome({ kind: "bad", head: t("fate_not_sent"), more }));
     }
     busy = false;
+    if (left) leave();
     update();
   }
 
@@ -97,6 +99,14 @@ export function commandDialogue(pointId) {
     if (command.state === ACCEPTED) end.replaceChildren(h("div", { class: "muted" }, t(command.release ? "wait_release" : "still_selected")));
     else if (ENDED.includes(command.state)) end.replaceChildren(outcome(fate(command)));
     else end.replaceChildren();
+    if (left) leave();
+  }
+
+  // Escape leaves no selection behind, nor one whose answer is yet to come.
+  function leave() {
+    if (command?.state === ACCEPTED) live.ask(`commands/${command.id}/cancel`, {}).catch(() => {});
+    else if (busy || command?.state === SELECTION) return;
+    unwatch();
   }
 
   function update() {
@@ -123,9 +133,8 @@ export function commandDialogue(pointId) {
     if (command?.state === ACCEPTED) doing(`commands/${command.id}/cancel`, {});
     else dialog.close();
   });
-  // Escape leaves no selection behind.
   dialog.addEventListener("cancel", () => {
-    if (command?.state === ACCEPTED) live.ask(`commands/${command.id}/cancel`, {}).catch(() => {});
+    left = true;
   });
   const unwatch = live.watch(() => {
     const newer = command && live.commands.get(command.id);
@@ -133,7 +142,8 @@ export function commandDialogue(pointId) {
     update();
   });
   dialog.addEventListener("close", () => {
-    unwatch();
+    if (left) leave();
+    else unwatch();
     dialog.remove();
   });
   document.body.append(dialog);

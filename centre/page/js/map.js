@@ -33,7 +33,7 @@ function style(own) {
     version: 8,
     sources: {
       land: source("map/land.json"), borders: source("map/borders.json"), names: source("map/names.json"),
-      ...(own ? { own: own.source } : {}), areas: source(EMPTY), track: source(EMPTY), labels: source(EMPTY),
+      ...(own ? { own: own.source } : {}), areas: source(EMPTY), "area-places": source(EMPTY), track: source(EMPTY), labels: source(EMPTY),
     },
     layers: [
       { id: "sea", type: "background", paint: { "background-color": colour("sea") } },
@@ -45,7 +45,7 @@ function style(own) {
       ...(own ? tileLayers(own, colour, FONT) : []),
       { id: "areas", type: "fill", source: "areas", paint: { "fill-color": areaColour, "fill-opacity": 0.1 } },
       { id: "area-borders", type: "line", source: "areas", paint: { "line-color": areaColour, "line-width": 1.5, "line-dasharray": [3, 2] } },
-      { id: "area-names", type: "symbol", source: "areas", layout: { ...label(12), "text-field": ["get", "label"] }, paint: { "text-color": areaColour, ...halo } },
+      { id: "area-names", type: "symbol", source: "area-places", layout: { ...label(12), "text-field": ["get", "label"] }, paint: { "text-color": areaColour, ...halo } },
       { id: "track", type: "line", source: "track", layout: { "line-cap": "round", "line-join": "round" },
         paint: { "line-color": colour("accent"), "line-width": 3, "line-opacity": 0.85 } },
       { id: "labels", type: "symbol", source: "labels",
@@ -73,6 +73,16 @@ function areaFeature({ properties, geometry }) {
   return { type: "Feature", properties: { ...properties, label: properties.name + word }, geometry: shape };
 }
 
+// Where an area's name stands: a text of a polygon would be drawn once in each tile that has a part of it.
+function nameFeature({ properties, geometry }) {
+  const [ring] = geometry.coordinates;
+  const middle = [0, 1].map((axis) => {
+    const numbers = ring.map((corner) => corner[axis]);
+    return (Math.min(...numbers) + Math.max(...numbers)) / 2;
+  });
+  return { type: "Feature", properties, geometry: { type: "Point", coordinates: middle } };
+}
+
 // Everything that has a place: {id, name, kind, word, at, lngLat, point?}
 function places() {
   const found = [];
@@ -82,9 +92,9 @@ function places() {
     found.push({ id: `s${station.id}`, name: station.name, kind, word, at: station.heard, lngLat: [station.location[1], station.location[0]], fixed: true });
   }
   for (const point of live.points.values()) {
-    if (point.latitude === undefined || !point.at) continue;
+    if (point.latitude === undefined || point.latitude === null || !point.at) continue;
     const name = live.stations.get(point.station)?.name ?? point.name;
-    found.push({ id: `p${point.id}`, name, ...quality(point), at: point.at, lngLat: [point.longitude, point.latitude], point });
+    found.push({ id: `p${point.id}`, name, ...quality(point), at: point.placed, lngLat: [point.longitude, point.latitude], point });
   }
   return found;
 }
@@ -154,12 +164,17 @@ export function showMap(main) {
 
   function dress() {
     map.addLayer(marks, "labels");
-    map.getSource("areas").setData({ type: "FeatureCollection", features: areas });
+    drawAreas();
     labels = "";
     ready = true;
     draw(found());
     chosen.asked = 0;
     track();
+  }
+
+  function drawAreas() {
+    map.getSource("areas").setData({ type: "FeatureCollection", features: areas });
+    map.getSource("area-places").setData({ type: "FeatureCollection", features: areas.map(nameFeature) });
   }
 
   function draw(all) {
@@ -257,7 +272,7 @@ export function showMap(main) {
     }
     const lines = [[t("quality"), () => state(place.kind, place.word), place.kind + place.word], [t("time"), time(place.at)],
       [t("age"), place.at ? age(clock() - place.at) : "–"], [t("latitude"), `${place.lngLat[1].toFixed(6)}°`], [t("longitude"), `${place.lngLat[0].toFixed(6)}°`]];
-    if (place.point && !replay.active) lines.push([t("altitude"), `${place.point.altitude.toFixed(0)} m`], [t("satellites"), String(place.point.satellites)]);
+    if (place.point && !replay.active) lines.push([t("altitude"), place.point.altitude === null ? "–" : `${place.point.altitude.toFixed(0)} m`], [t("satellites"), String(place.point.satellites)]);
     while (facts.children.length > 2 * lines.length) facts.lastChild.remove();
     lines.forEach(([name, value, key], number) => {
       if (facts.children.length <= 2 * number) facts.append(h("dt"), h("dd"));
@@ -345,7 +360,7 @@ export function showMap(main) {
   }
   live.ask("areas").then((answer) => {
     areas = answer.features.map(areaFeature);
-    if (ready) map.getSource("areas").setData({ type: "FeatureCollection", features: areas });
+    if (ready) drawAreas();
   }).catch(() => {});
   return () => {
     unwatch();

@@ -5,7 +5,7 @@ import * as live from "./live.js";
 import { empty } from "./points.js";
 import { stationState, UP } from "./quality.js";
 import { showTrace } from "./trace.js";
-import { age, t, time } from "./words.js";
+import { age, ahead, t, time } from "./words.js";
 
 // enum iec104_closing, and the errno of a connection that was never made.
 const REASONS = ["", "not an APDU", "ASDU too short", "N(S) out of sequence", "N(R) never sent", "I frame while stopped", "t1: I frame", "t1: TESTFR",
@@ -13,13 +13,6 @@ const REASONS = ["", "not an APDU", "ASDU too short", "N(S) out of sequence", "N
 const ERRORS = { 111: "connection refused", 110: "timed out", 113: "no route to host", 101: "network unreachable", 104: "connection reset" };
 
 const CLOCK_WRONG_MS = 5000;
-
-// Of a station's clock: what it is ahead, or behind with a sign.
-function ahead(ms) {
-  if (ms === null) return "–";
-  const size = Math.abs(ms);
-  return `${ms < 0 ? "−" : "+"}${size < 60000 ? `${(size / 1000).toFixed(1)} s` : age(size)}`;
-}
 
 function reason(station) {
   if (station.link === UP || !station.link) return "";

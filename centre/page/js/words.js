@@ -48,6 +48,13 @@ export function age(ms) {
   return t("days", { n: Math.floor(s / 86400) });
 }
 
+// How far a clock is ahead, or behind with a sign.
+export function ahead(ms) {
+  if (ms === null) return "–";
+  const size = Math.abs(ms);
+  return `${ms < 0 ? "−" : "+"}${size < 60000 ? `${(size / 1000).toFixed(1)} s` : age(size)}`;
+}
+
 export function number(value) {
   return Number.isInteger(value) ? String(value) : String(Number(value.toPrecision(6)));
 }
