@@ -3,23 +3,24 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import logging
 import math
 import re
 import time
 from collections import Counter
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from typing import Any
 
 from aiohttp import web
 
-from openrtu_tools.centre import formats, users
+from openrtu_tools.centre import exports, formats, users
 from openrtu_tools.centre.errors import RefusedError, StoreError
-from openrtu_tools.centre.formats import Place, Writer, moment
+from openrtu_tools.centre.exports import INTEGER_MOST, STRETCH_NS
+from openrtu_tools.centre.formats import Writer
 from openrtu_tools.centre.intake import COMMAND_COLUMNS
 from openrtu_tools.centre.model import NS_PER_MS, Alarm, Command, Json
-from openrtu_tools.centre.records import INVALID
 from openrtu_tools.centre.store import Row, audit
 from openrtu_tools.centre.web import HEADERS, Asked, Route
 
@@ -28,7 +29,7 @@ log = logging.getLogger("centre")
 COMMANDS = ", ".join(f'"{column}"' for column in COMMAND_COLUMNS)
 ROWS = 500  # of a page
 CHART_ROWS = 5000  # of a chart; ROWS_MOST of chart.js
-ROWS_AT_ONCE = 2000  # of a file: what is in memory
+MARKS_AT_ONCE = 200  # of a file
 DAY_S = 86400.0
 AUDIT_S = 30 * DAY_S
 # What the audit's actions are.
@@ -41,8 +42,6 @@ AUDITED = {
     "users": ("user", "user removed"),
 }
 TOKEN_DAYS_MOST = 366
-STRETCH_NS = 60 * 10**9
-INTEGER_MOST = 2**63 - 1
 
 
 # ---- what is asked -------------------------------------------------------------------------------
@@ -72,20 +71,23 @@ def _span(asked: Asked, seconds: float) -> tuple[int, int]:
     return begin * 1_000_000, end * 1_000_000
 
 
-async def _file(asked: Asked, pieces: AsyncIterator[str], kind: str, name: str) -> web.StreamResponse:
-    """As it comes from the database. What fails on the way ends the connection: half a file is no file."""
-    headers = {
+def _headers(name: str) -> dict[str, str]:
+    return {
         **HEADERS,
         "Cache-Control": "no-store",
         "Content-Disposition": f'attachment; filename="{name}"',
     }
-    response = web.StreamResponse(headers=headers)
+
+
+async def _answered(asked: Asked, pieces: AsyncIterator[bytes], kind: str, name: str) -> web.StreamResponse:
+    """As it comes. What fails on the way ends the connection: half a file is no file."""
+    response = web.StreamResponse(headers=_headers(name))
     response.content_type, response.charset = kind, "utf-8"
     await response.prepare(asked.request)
     try:
         async for piece in pieces:
             if piece:
-                await response.write(piece.encode())
+                await response.write(piece)
     except StoreError as error:
         log.error("%s ends before its end: %s", name, error)
         if asked.request.transport:
@@ -95,29 +97,10 @@ async def _file(asked: Asked, pieces: AsyncIterator[str], kind: str, name: str) 
     return response
 
 
-async def _rows(
-    asked: Asked, sql: str, key: str, begin: int, end: int, *values: Any
-) -> AsyncIterator[list[Row]]:
-    """Rows of a time by and by, oldest first. `sql` ends with a condition; `key` is unique for a time.
-
-    A stretch at a time: a store that knows but roughly where a time lies sorts what is in the stretch.
-    """
-    after: tuple[int, int] = (begin - 1, INTEGER_MOST)
-    stretch = STRETCH_NS
-    while after[0] < end:
-        until = min(after[0] + stretch, end)
-        rows = await asked.centre.store.read(
-            f"{sql} AND (at_ns, {key}) > (?, ?) AND at_ns BETWEEN ? AND ? ORDER BY at_ns, {key} LIMIT ?",
-            *values, *after, after[0], until, ROWS_AT_ONCE,
-        )  # fmt: skip
-        if rows:
-            yield rows
-        if len(rows) == ROWS_AT_ONCE:
-            after = rows[-1]["at_ns"], rows[-1]["key"]
-            stretch = max(stretch // 2, STRETCH_NS)
-        else:
-            after = until, INTEGER_MOST
-            stretch *= 2
+async def _made(asked: Asked, order: Json, kind: str, name: str) -> web.StreamResponse:
+    """A file that may be long: by a process of its own."""
+    async with asked.centre.makers.make(order) as pieces:
+        return await _answered(asked, pieces, kind, name)
 
 
 async def _newest(asked: Asked, sql: str, at: str, begin: int, end: int, *values: Any) -> list[Row]:
@@ -192,9 +175,8 @@ async def history(asked: Asked) -> Any:
     begin, end = _span(asked, 3600)
     if asked.query.get("format") == "csv":
         await _export(asked, f"history of {point.meaning.name}", point.station)
-        return await _file(
-            asked, _history_lines(asked, point.id, begin, end), "text/csv", f"point-{point.id}.csv"
-        )
+        order = {"what": "history", "point": point.id, "begin": begin, "end": end}
+        return await _made(asked, order, "text/csv", f"point-{point.id}.csv")
     rows = await asked.centre.store.read(
         "SELECT at_ns / 1000000 AS at, value, quality, cause FROM history"
         " WHERE point = ? AND at_ns BETWEEN ? AND ? ORDER BY at_ns DESC LIMIT ?",
@@ -204,15 +186,6 @@ async def history(asked: Asked) -> Any:
     return rows
 
 
-async def _history_lines(asked: Asked, point: int, begin: int, end: int) -> AsyncIterator[str]:
-    yield formats.table([["time", "value", "quality", "cause"]])
-    sql = "SELECT at_ns, id AS key, value, quality, cause FROM history WHERE point = ?"
-    async for rows in _rows(asked, sql, "id", begin, end, point):
-        yield formats.table(
-            (moment(row["at_ns"] // NS_PER_MS), row["value"], row["quality"], row["cause"]) for row in rows
-        )
-
-
 async def events(asked: Asked) -> Any:
     """Newest first; as a file, oldest first."""
     begin, end = _span(asked, DAY_S)
@@ -220,33 +193,20 @@ async def events(asked: Asked) -> Any:
     seen = {id_ for id_ in asked.stations() if not station or id_ == station}
     if asked.query.get("format") == "csv":
         await _export(asked, "events")
-        return await _file(asked, _event_lines(asked, seen, begin, end), "text/csv", "events.csv")
+        model = asked.centre.model
+        names = {
+            point.id: (model.stations[point.station].settings.name, point.meaning.name)
+            for point in model.points.values()
+            if point.station in seen
+        }
+        order = {"what": "events", "names": names, "begin": begin, "end": end}
+        return await _made(asked, order, "text/csv", "events.csv")
     sql = (
         "SELECT history.id, history.at_ns / 1000000 AS at, points.station, history.point, history.value,"
         " history.quality, history.cause FROM history JOIN points ON points.id = history.point"
         f" WHERE points.station {asked.centre.store.among}"
     )
     return await _newest(asked, sql, "history.at_ns", begin, end, json.dumps(list(seen)))
-
-
-async def _event_lines(asked: Asked, seen: set[int], begin: int, end: int) -> AsyncIterator[str]:
-    yield formats.table([["time", "station", "point", "value", "quality", "cause"]])
-    model = asked.centre.model
-    sql = "SELECT at_ns, id AS key, point, value, quality, cause FROM history WHERE TRUE"
-    async for rows in _rows(asked, sql, "id", begin, end):
-        of_rows = ((row, model.points[row["point"]]) for row in rows)
-        yield formats.table(
-            (
-                moment(row["at_ns"] // NS_PER_MS),
-                model.stations[point.station].settings.name,
-                point.meaning.name,
-                row["value"],
-                row["quality"],
-                row["cause"],
-            )
-            for row, point in of_rows
-            if point.station in seen
-        )
 
 
 def _names(asked: Asked) -> dict[int, str]:
@@ -261,17 +221,30 @@ def _names(asked: Asked) -> dict[int, str]:
     }
 
 
+def _writer(asked: Asked) -> Writer:
+    form = asked.query.get("format", "geojson")
+    if form not in formats.FORMATS:
+        raise RefusedError(400, "form", f"{form} is no format: {', '.join(formats.FORMATS)}")
+    return formats.FORMATS[form](asked.centre.settings.gap_s)
+
+
 async def positions(asked: Asked) -> Any:
     """The last one of each, as in figure 7 of the positioning paper."""
+    writer = _writer(asked)
+    form = asked.query.get("format", "geojson")
+    if "format" in asked.query:
+        await _export(asked, f"positions as {form}")
 
-    async def pieces(writer: Writer) -> AsyncIterator[str]:
-        for id_, name in _names(asked).items():
-            view = asked.centre.model.points[id_].view()
-            place = Place(view["at"] or 0, view["latitude"], view["longitude"], view["altitude"],
-                          view["quality"], view["fix"], view["satellites"])  # fmt: skip
-            yield writer.mark(name, place)
+    async def pieces() -> AsyncIterator[bytes]:
+        yield writer.begin().encode()
+        for number, (id_, name) in enumerate(_names(asked).items()):
+            if place := formats.last_place(asked.centre.model.points[id_]):
+                yield writer.mark(name, place).encode()
+            if number % MARKS_AT_ONCE == 0:
+                await asyncio.sleep(0)  # others have their turn
+        yield writer.end().encode()
 
-    return await _places(asked, "positions", pieces)
+    return await _answered(asked, pieces(), writer.kind, f"positions.{form}")
 
 
 async def tracks(asked: Asked) -> Any:
@@ -283,63 +256,20 @@ async def tracks(asked: Asked) -> Any:
     step_ms = _asked(asked, "step", 0)
     if not 0 <= step_ms <= asked.centre.settings.gap_s * 500:
         raise RefusedError(400, "form", "step: from 0 to half of gap_s, in milliseconds")
-
-    async def pieces(writer: Writer) -> AsyncIterator[str]:
-        for id_ in [chosen] if chosen else list(names):
-            yield writer.track(names[id_], id_)
-            async for rows in _track(asked, id_, begin, end, step_ms * NS_PER_MS):
-                yield writer.places(
-                    Place(row["at_ns"] // NS_PER_MS, row["latitude"] / 1e7, row["longitude"] / 1e7,
-                          row["altitude"] / 10, row["quality"], row["detail"] & 15, row["detail"] >> 4)
-                    for row in rows
-                )  # fmt: skip
-            yield writer.end_track()
-
-    return await _places(
-        asked, "tracks", pieces, asked.centre.model.points[chosen].station if chosen else None
-    )
-
-
-async def _track(asked: Asked, point: int, begin: int, end: int, step_ns: int) -> AsyncIterator[list[Row]]:
-    """The places of a time by and by; with a step, the last one of each."""
-    sql = "SELECT *, point AS key FROM track WHERE point = ?"
-    last: Row | None = None
-    async for rows in _rows(asked, sql, "point", begin, end, point):
-        if not step_ns:
-            yield rows
-            continue
-        thinned = []
-        for row in rows:
-            # A place that is not valid cuts the track: it stays, and so does the one before it.
-            cut = last and (last["quality"] | row["quality"]) & INVALID
-            if last and (cut or last["at_ns"] // step_ns != row["at_ns"] // step_ns):
-                thinned.append(last)
-            last = row
-        yield thinned
-    if last:
-        yield [last]
-
-
-async def _places(
-    asked: Asked,
-    what: str,
-    pieces: Callable[[Writer], AsyncIterator[str]],
-    station: int | None = None,
-) -> web.StreamResponse:
-    form = asked.query.get("format", "geojson")
-    if form not in formats.FORMATS:
-        raise RefusedError(400, "form", f"{form} is no format: {', '.join(formats.FORMATS)}")
-    writer = formats.FORMATS[form](asked.centre.settings.gap_s)
-    if "format" in asked.query:
-        await _export(asked, f"{what} as {form}", station)
-
-    async def whole() -> AsyncIterator[str]:
-        yield writer.begin()
-        async for piece in pieces(writer):
-            yield piece
-        yield writer.end()
-
-    return await _file(asked, whole(), writer.kind, f"{what}.{form}")
+    writer = _writer(asked)
+    if chosen:
+        names = {chosen: names[chosen]}
+    step_ns = step_ms * NS_PER_MS
+    if "format" not in asked.query:  # the page's own: what it draws is short
+        texts = exports.tracks(asked.centre.store, writer, names, begin, end, step_ns)
+        return await _answered(asked, (text.encode() async for text in texts), writer.kind, "tracks.geojson")
+    form = asked.query["format"]
+    await _export(asked, f"tracks as {form}", asked.centre.model.points[chosen].station if chosen else None)
+    order = {
+        "what": "tracks", "format": form, "gap_s": asked.centre.settings.gap_s, "names": names,
+        "begin": begin, "end": end, "step_ns": step_ns,
+    }  # fmt: skip
+    return await _made(asked, order, writer.kind, f"tracks.{form}")
 
 
 async def alarms(asked: Asked) -> list[Json]:
@@ -430,7 +360,11 @@ async def audited(asked: Asked) -> Any:
     where, values = _audit_filter(asked)
     if asked.query.get("format") == "csv":
         await _export(asked, "audit")
-        return await _file(asked, _audit_lines(asked, where, values, begin, end), "text/csv", "audit.csv")
+        names = {id_: station.settings.name for id_, station in asked.stations().items()}
+        order = {
+            "what": "audit", "where": where, "values": values, "names": names, "begin": begin, "end": end,
+        }  # fmt: skip
+        return await _made(asked, order, "text/csv", "audit.csv")
     return await asked.centre.store.read(
         'SELECT id, at_ns / 1000000 AS at, "user", action, station, detail FROM audit'
         f" WHERE at_ns BETWEEN ? AND ?{where} ORDER BY id DESC LIMIT ?",
@@ -453,25 +387,6 @@ def _audit_filter(asked: Asked) -> tuple[str, list[Any]]:
         where += f" AND action IN ({', '.join('?' * len(AUDITED[kind]))})"
         values += AUDITED[kind]
     return where, values
-
-
-async def _audit_lines(
-    asked: Asked, where: str, values: list[Any], begin: int, end: int
-) -> AsyncIterator[str]:
-    yield formats.table([["time", "user", "action", "station", "detail"]])
-    names = {id_: station.settings.name for id_, station in asked.stations().items()}
-    sql = f'SELECT at_ns, id AS key, "user", action, station, detail FROM audit WHERE TRUE{where}'
-    async for rows in _rows(asked, sql, "id", begin, end, *values):
-        yield formats.table(
-            (
-                moment(row["at_ns"] // NS_PER_MS),
-                row["user"],
-                row["action"],
-                names.get(row["station"], ""),
-                row["detail"],
-            )
-            for row in rows
-        )
 
 
 async def all_users(asked: Asked) -> list[Json]:

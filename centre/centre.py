@@ -19,6 +19,7 @@ from openrtu_tools.centre.database import open_store
 from openrtu_tools.centre.errors import CentreError, RefusedError, StoreError
 from openrtu_tools.centre.intake import Intake
 from openrtu_tools.centre.keep import Keeper
+from openrtu_tools.centre.makers import Makers
 from openrtu_tools.centre.model import Alarm, Changes, Command, Json, Model, Point, Station
 from openrtu_tools.centre.records import ENDED, Ask, Result, State
 from openrtu_tools.centre.settings import Keep, Settings
@@ -34,6 +35,7 @@ KEEP_EVERY_S, KEEP_REST_S = 3600.0, 0.02  # between rounds, and between steps th
 RELEASE_S = 60.0  # a command that nothing was sent of waits so long for the second person
 PACKETS_MOST = 4  # in one transaction: no more can be in flight
 REQUEST_IDS = 1 << 48  # of what is no command
+DOUBT_S, DOUBT_AGAIN_S, DOUBT_TRIES = 1.0, 10.0, 20  # until an interrogation, the next; for its end
 
 
 class Watcher(Protocol):
@@ -56,10 +58,12 @@ class Centre:
         self.watchers: set[Watcher] = set()
         self.fault = ""  # why nothing can be stored now
         self.ending = False  # nothing more is stored: what is stranded then, the next start ends
+        self.makers = Makers(settings.database)
         self._sockets: dict[int, socket.socket] = {}  # by shard of rtu-centre
         self._ids = count(REQUEST_IDS)
         self._tasks: set[asyncio.Task[None]] = set()
         self.traces: dict[int, Trace] = {}  # by station
+        self._doubts: dict[tuple[int, int], asyncio.Task[None]] = {}  # by station and common address
 
     def close(self) -> None:
         self.store.close()
@@ -88,6 +92,8 @@ class Centre:
         for id_, command in changes.commands.items():
             if command.state in ENDED:
                 self.model.commands.pop(id_, None)
+        for address in changes.doubts - self._doubts.keys():
+            self._doubts[address] = asyncio.create_task(self._resolve(address))
         if changes.any:
             for watcher in self.watchers:
                 watcher.changed(changes, linked)
@@ -126,6 +132,33 @@ class Centre:
             else:
                 self._say("")
                 return
+
+    async def _resolve(self, address: tuple[int, int]) -> None:
+        """Old events came of an address: it is interrogated until none is left that is in doubt.
+
+        First its queue shall be empty; and a clock that is behind shall not have it asked without a pause.
+        """
+        pause_s = DOUBT_S
+        while not self.ending and self.intake.doubted.get(address):
+            await asyncio.sleep(pause_s)
+            pause_s = DOUBT_AGAIN_S
+            station, id_ = self.model.stations[address[0]], next(self._ids)
+            self.intake.asked[id_] = address
+            with suppress(RefusedError):
+                await self._send(
+                    station, records.request(Ask.INTERROGATE, station.place, address[1], id_, 20)
+                )
+                await self._ended(id_)
+            if self.intake.asked.pop(id_, None):  # nobody says what became of it
+                await self._store(lambda database: self.intake.settle(database, address))
+        del self._doubts[address]
+
+    async def _ended(self, id_: int) -> None:
+        """An interrogation; or it takes too long."""
+        for _ in range(DOUBT_TRIES):
+            if id_ not in self.intake.asked:
+                return
+            await asyncio.sleep(DOUBT_S)
 
     def _notify(self) -> None:
         """The state of the centre itself has changed."""
@@ -251,18 +284,13 @@ class Centre:
             if (low is not None and value < low) or (high is not None and value > high):
                 raise RefusedError(409, "out_of_range", f"{meaning.name} takes {low} to {high}")
             self._check_up(station)
-            if any(each.point == point.id for each in self.model.commands.values()):
-                raise RefusedError(409, "busy", f"another command of {meaning.name} is not ended")
             address = (station.place, point.ca, point.ioa)
             try:
                 records.command(*address, 1, meaning.command, value, meaning.selects)
             except (CentreError, ValueError, OverflowError) as error:
                 raise RefusedError(409, "out_of_range", str(error)) from error
         except RefusedError as error:
-            text = f"{meaning.name} = {value:g}: {error}"
-            await self.store.write(
-                lambda database: audit(database, time.time_ns(), user, "command refused", text, station.id)
-            )
+            await self._refuse(user, point, value, error)
             raise
         release = station.settings.release
         state = State.SELECTION_REQUEST if meaning.selects else State.EXECUTION_REQUEST
@@ -284,6 +312,9 @@ class Centre:
         )
 
         def add(database: Database) -> Command:
+            """One transaction looks and stores: of two that come at once, one is refused."""
+            if self.intake.is_commanded(point.id):
+                raise RefusedError(409, "busy", f"another command of {meaning.name} is not ended")
             audit(
                 database,
                 now_ns,
@@ -294,7 +325,11 @@ class Centre:
             )
             return self.intake.add_command(database, new)
 
-        command = await self.change(add)
+        try:
+            command = await self.change(add)
+        except RefusedError as error:
+            await self._refuse(user, point, value, error)
+            raise
         if command.held:
             task = asyncio.create_task(self._expire(command.id))
             self._tasks.add(task)
@@ -306,6 +341,13 @@ class Centre:
                 records.command(*address, command.id, meaning.command, value, meaning.selects),
             )
         return command
+
+    async def _refuse(self, user: str, point: Point, value: float, error: RefusedError) -> None:
+        """Nothing is sent; the audit says so."""
+        text = f"{point.meaning.name} = {value:g}: {error}"
+        await self.store.write(
+            lambda database: audit(database, time.time_ns(), user, "command refused", text, point.station)
+        )
 
     async def _expire(self, id_: int) -> None:
         """Nobody has released it. Of a selection at a station the station itself sees to that."""

@@ -10,28 +10,56 @@ import csv
 import datetime
 import io
 import json
+import math
+import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 from xml.sax.saxutils import escape
 
+from openrtu_tools.centre.model import NS_PER_MS, Point, metres
 from openrtu_tools.centre.records import INVALID
 
 GPX = "http://www.topografix.com/GPX/1/1"
 KML = "http://www.opengis.net/kml/2.2"
+HALF_ROUND = 180.0  # degrees of longitude
 WAY_MOST = 5000  # places in a line of GeoJSON, whose times stand behind them
+# What XML 1.0 has no character for (section 2.2).
+UNSPEAKABLE = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 FORMULAS = ("=", "+", "-", "@", "\t", "\r")  # a spreadsheet would compute a text that begins so
 
 
 @dataclass(frozen=True)
 class Place:
+    """Where one was at a time. One that is not valid is the last that was; it was told at `told_ms`."""
+
     at_ms: int
     latitude: float
     longitude: float
-    altitude: float
-    quality: int = 0
+    altitude: float | None  # None: nobody knows it
+    quality: int
     fix: int = 0
     satellites: int = 0
+    told_ms: int = 0
+
+    @property
+    def is_valid(self) -> bool:
+        return not self.quality & INVALID
+
+    @property
+    def remark(self) -> str:
+        """Of one that is not valid."""
+        return f"no valid position: the last one known, {moment(self.at_ms)}; told {moment(self.told_ms)}"
+
+
+def last_place(point: Point) -> Place | None:
+    """Of a vehicle, valid or not; None: it has never said where it is."""
+    if point.place is None:
+        return None
+    return Place(
+        point.placed_ns // NS_PER_MS, *point.place, metres(point.altitude), point.quality,
+        point.detail & 15, point.detail >> 4, point.at_ns // NS_PER_MS,
+    )  # fmt: skip
 
 
 def moment(at_ms: int) -> str:
@@ -42,7 +70,7 @@ def moment(at_ms: int) -> str:
 
 def _text(text: str) -> str:
     """Of an element. What XML cannot hold becomes visible."""
-    return escape("".join(each if each >= " " or each in "\t\n" else "\ufffd" for each in text))
+    return escape(UNSPEAKABLE.sub("\ufffd", text))
 
 
 class Writer:
@@ -75,7 +103,7 @@ class Writer:
         return "".join(piece for place in places for piece in self._cut(place))
 
     def _cut(self, place: Place) -> Iterator[str]:
-        lost = bool(place.quality & INVALID)
+        lost = not place.is_valid
         if self.last_ms is not None and (lost or place.at_ms - self.last_ms > self.gap_ms):
             self.last_ms = None
             yield self._end_way()
@@ -125,10 +153,14 @@ class Gpx(Writer):
 
     @staticmethod
     def _element(tag: str, place: Place, name: str = "") -> str:
-        satellites = f"<sat>{place.satellites}</sat>" if place.satellites else ""
+        height = "" if place.altitude is None else f"<ele>{place.altitude:.1f}</ele>"
+        if place.is_valid:
+            more = f"<sat>{place.satellites}</sat>" if place.satellites else ""
+        else:
+            more = f"<desc>{place.remark}</desc><fix>none</fix>"
         return (
-            f'<{tag} lat="{place.latitude:.7f}" lon="{place.longitude:.7f}"><ele>{place.altitude:.1f}</ele>'
-            f"<time>{moment(place.at_ms)}</time>{name}{satellites}</{tag}>"
+            f'<{tag} lat="{place.latitude:.7f}" lon="{place.longitude:.7f}">{height}'
+            f"<time>{moment(place.at_ms)}</time>{name}{more}</{tag}>"
         )
 
     def _begin_track(self) -> str:
@@ -157,8 +189,10 @@ class Kml(Writer):
         return "</Document></kml>"
 
     def mark(self, name: str, place: Place) -> str:
+        remark = "" if place.is_valid else f"<description>{place.remark}</description>"
         return (
-            f"<Placemark><name>{_text(name)}</name><TimeStamp><when>{moment(place.at_ms)}</when></TimeStamp>"
+            f"<Placemark><name>{_text(name)}</name>{remark}"
+            f"<TimeStamp><when>{moment(place.at_ms)}</when></TimeStamp>"
             f"<Point><coordinates>{self._place(place)}</coordinates></Point></Placemark>"
         )
 
@@ -170,7 +204,8 @@ class Kml(Writer):
         return "</coordinates></LineString></Placemark>"
 
     def _place(self, place: Place) -> str:
-        return f"{place.longitude:.7f},{place.latitude:.7f},{place.altitude:.1f} "
+        height = "" if place.altitude is None else f",{place.altitude:.1f}"
+        return f"{place.longitude:.7f},{place.latitude:.7f}{height} "
 
 
 @dataclass
@@ -190,6 +225,7 @@ class GeoJson(Writer):
         super().__init__(gap_s)
         self.some = False  # features
         self.line = _Line()
+        self.before: Place | None = None  # on the way
 
     def begin(self) -> str:
         return '{"type": "FeatureCollection", "features": ['
@@ -199,24 +235,48 @@ class GeoJson(Writer):
 
     @staticmethod
     def _position(place: Place) -> str:
-        return json.dumps([place.longitude, place.latitude, place.altitude])
+        height = [] if place.altitude is None else [place.altitude]
+        return json.dumps([place.longitude, place.latitude, *height])
 
     def _feature(self) -> str:
         before, self.some = ",\n" if self.some else "", True
         return before + '{"type": "Feature", "geometry": '
 
     def mark(self, name: str, place: Place) -> str:
-        properties = {"name": name, "time": moment(place.at_ms)}
+        properties = {"name": name, "time": moment(place.at_ms), "valid": place.is_valid}
+        if not place.is_valid:
+            properties["remark"] = place.remark
         return (
             f'{self._feature()}{{"type": "Point", "coordinates": {self._position(place)}}},'
             f' "properties": {json.dumps(properties)}}}'
         )
 
     def _begin_way(self) -> str:
-        self.line = _Line()
+        self.line, self.before = _Line(), None
         return ""
 
     def _place(self, place: Place) -> str:
+        text = ""
+        if self.before and abs(place.longitude - self.before.longitude) > HALF_ROUND:
+            text = self._across(self.before, place)
+        self.before = place
+        return text + self._add(place)
+
+    def _across(self, a: Place, b: Place) -> str:
+        """A line is cut at the antimeridian (RFC 7946, 3.1.9)."""
+        edge = math.copysign(HALF_ROUND, a.longitude)
+        part = (edge - a.longitude) / (b.longitude + 2 * edge - a.longitude)
+        there = replace(
+            b,
+            at_ms=round(a.at_ms + part * (b.at_ms - a.at_ms)),
+            latitude=a.latitude + part * (b.latitude - a.latitude),
+            longitude=edge,
+        )
+        text = self._add(there) + self._end_line(True)
+        self.line = _Line()
+        return text + self._add(replace(there, longitude=-edge))
+
+    def _add(self, place: Place) -> str:
         """The first one waits: alone it would be no line."""
         position, line, text = self._position(place), self.line, ""
         if not line.times:
@@ -262,14 +322,17 @@ class Csv(Writer):
     kind = "text/csv"
 
     def begin(self) -> str:
-        return table([["name", "segment", "time", "latitude", "longitude", "altitude", "fix", "satellites"]])
+        return table(
+            [["name", "segment", "time", "latitude", "longitude", "altitude", "fix", "satellites", "valid"]]
+        )
 
     @staticmethod
     def _row(name: str, way: int, place: Place) -> str:
-        degrees = f"{place.latitude:.7f}", f"{place.longitude:.7f}", f"{place.altitude:.1f}"
+        height = "" if place.altitude is None else f"{place.altitude:.1f}"
         # A number may begin with a sign; it is no text.
         return table([[name, way, moment(place.at_ms)]])[:-2] + (
-            f",{','.join(degrees)},{place.fix},{place.satellites}\r\n"
+            f",{place.latitude:.7f},{place.longitude:.7f},{height}"
+            f",{place.fix},{place.satellites},{int(place.is_valid)}\r\n"
         )
 
     def mark(self, name: str, place: Place) -> str:

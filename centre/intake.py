@@ -9,14 +9,19 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable
 from dataclasses import astuple, fields, replace
 from operator import attrgetter
+from typing import NamedTuple
 
 from openrtu_tools.centre.areas import Area, Areas
+from openrtu_tools.centre.clocks import LIMIT_NS, Clock, Told
 from openrtu_tools.centre.model import Alarm, AlarmKey, Changes, Command, Model, Point, Station
 from openrtu_tools.centre.records import (
     ENDED,
+    EVENTS,
     INVALID,
     NOT_TOPICAL,
+    OVERFLOW,
     TEST,
+    UNKNOWN_ALTITUDE,
     Content,
     Kind,
     Link,
@@ -27,14 +32,10 @@ from openrtu_tools.centre.records import (
 from openrtu_tools.centre.settings import Meaning, StationSettings
 from openrtu_tools.centre.store import Database, EventRow, inserted, put
 
-SPONTANEOUS, REMOTE, LOCAL = 3, 11, 12  # causes of what is an event
-EVENTS = (SPONTANEOUS, REMOTE, LOCAL)
-FUTURE_NS = 60 * 10**9  # a tag of later than that is a clock that is wrong
-CLOCK_NS = 60 * 10**9  # the difference of a clock is of this time and the one before
-LOST_PRIORITY, QUALITY_PRIORITY, POSITION_PRIORITY = 1, 2, 3
+LOST_PRIORITY, QUALITY_PRIORITY, POSITION_PRIORITY, CLOCK_PRIORITY = 1, 2, 3, 3
 POINT_COLUMNS = [
     *("content", "value", "quality", "cause", "at_ns", "received_ns", "tagged"),
-    *("latitude", "longitude", "altitude", "detail"),
+    *("latitude", "longitude", "altitude", "detail", "placed_ns"),
 ]
 STATION_COLUMNS = ["link", "reason", "error", "since_ns", "heard_ns", "sessions", "records"]
 TRACK_COLUMNS = ["point", "at_ns", "latitude", "longitude", "altitude", "quality", "detail"]
@@ -44,7 +45,30 @@ COMMAND_COLUMNS = [column.name for column in fields(Command)]
 
 
 def _is_tagged_event(row: EventRow) -> bool:
-    return bool(row.tagged) and row.cause in EVENTS
+    return row.cause in EVENTS and (bool(row.tagged) or row.tag_ns is not None)
+
+
+def _alarming(point: Point) -> dict[str, bool]:
+    """Of each kind of alarm that its list wants, whether its value is so."""
+    meaning, value = point.meaning, point.value
+    if value is None or point.quality & INVALID:
+        return {}
+    found = {}
+    if meaning.high is not None:
+        found["high"] = value > meaning.high
+    if meaning.low is not None:
+        found["low"] = value < meaning.low
+    if meaning.state is not None:
+        found["state"] = value == meaning.state
+    return found
+
+
+class Taken(NamedTuple):
+    """A record of a point, its row, and whether it is an event of before what is known."""
+
+    record: Record
+    row: EventRow
+    is_old: bool
 
 
 class Intake:
@@ -62,7 +86,12 @@ class Intake:
         self.settings = settings
         self.areas = areas
         self.areas_of: dict[int, Areas] = {}  # by station
-        self.clocks: dict[int, tuple[int, int, int]] = {}  # by station: minute, most of it, most of the last
+        self.clocks: defaultdict[int, defaultdict[int, Clock]] = defaultdict(lambda: defaultdict(Clock))
+        self.sessions: dict[int, int] = {}  # by station: when its connection began
+        # By station and common address, then by point: the last old event; an interrogation is to judge it.
+        self.doubted: defaultdict[tuple[int, int], dict[int, Point]] = defaultdict(dict)
+        self.asked: dict[int, tuple[int, int]] = {}  # by the interrogation's id: of which address
+        self.odd_points: set[int] = set()  # of which there are events whose tag nobody believes
         self.model = Model()
         self.changes = Changes()
         self.by_name: dict[str, int] = {}
@@ -108,6 +137,7 @@ class Intake:
             alarm = Alarm(**dict(row))
             self.model.alarms[alarm.id] = alarm
             self.open_alarms[alarm.key] = alarm.id
+        self.odd_points = {row[0] for row in database.execute("SELECT DISTINCT point FROM odd_tags")}
         self._forgotten_areas(database)
         self.stranded(database)
 
@@ -168,6 +198,7 @@ class Intake:
     def take(self, database: Database, records: Iterable[Record]) -> None:
         """Stores records, and what follows from them."""
         information: list[Record] = []
+        ended: list[int] = []
         for record in records:
             if record.kind == Kind.STATION:
                 self._station_named(database, record)
@@ -182,8 +213,12 @@ class Intake:
                     information.append(record)
             elif record.kind == Kind.PROGRESS:
                 self._progress(database, record)
+                ended += self._ended(record)
         self._information(database, information)
+        for id_ in ended:
+            self.settle(database, self.asked.pop(id_))
         database.insert("track", TRACK_COLUMNS, self.places_of_tracks)
+        self._clock_alarms(database)
         self._store_heard()
         self._quality_alarms(database)
         self._store_last(database)
@@ -212,22 +247,12 @@ class Intake:
         """What it is of all records of a transaction is stored at its end."""
         id_ = self.places[record.station]
         self.heard[id_] = record.received_ns, self.heard[id_][1] + 1 if id_ in self.heard else 1
-        if record.tagged and record.cause == SPONTANEOUS:
-            self._see_clock(id_, record.received_ns // CLOCK_NS, record.tag_ns - record.received_ns)
-
-    def _see_clock(self, station: int, minute: int, ahead: int) -> None:
-        """How far its clock is ahead. An event that waited looks as if it were behind: the most counts."""
-        of, most, before = self.clocks.get(station, (minute, ahead, ahead))
-        if minute == of:
-            most = max(most, ahead)
-        else:
-            most, before = ahead, most if minute == of + 1 else ahead
-        self.clocks[station] = minute, most, before
 
     def _store_heard(self) -> None:
         for id_, (heard_ns, count) in self.heard.items():
             station = self._station(id_)
-            clock = max(self.clocks[id_][1:]) if id_ in self.clocks else None
+            seen = [clock.seen_ns for clock in self.clocks[id_].values() if clock.seen_ns is not None]
+            clock = max(seen, key=abs) if seen else None
             self.changes.stations[id_] = Station(
                 station.id, station.settings, station.place,
                 station.link, station.reason, station.error, station.since_ns,
@@ -253,6 +278,8 @@ class Intake:
             self._raise(database, key, LOST_PRIORITY, record.received_ns)
         elif state == Link.UP:
             self._clear(database, key, record.received_ns)
+            if station.link != Link.UP:
+                self.sessions[station.id] = record.received_ns
 
     # ---- points ------------------------------------------------------------------------------
 
@@ -275,11 +302,11 @@ class Intake:
         """Events first, all at once. One that came before, and whose acknowledgement did not reach the
         station, says nothing.
         """
-        rows = self._rows(database, records)
-        is_new = iter(database.insert_events([row for row in rows if _is_tagged_event(row)]))
-        without_tag: list[EventRow] = []
-        for record, row in zip(records, rows, strict=True):
-            point = self.changes.points.get(row.point) or self.model.points[row.point]
+        taken = self._rows(database, records)
+        without_tag: list[EventRow] = []  # that is believed: none of them came before
+        is_new = iter(self._insert_events(database, [each.row for each in taken], without_tag))
+        for record, row, is_old in taken:
+            point = self._now(row.point)
             changed = (row.value, row.quality) != (point.value, point.quality) or not point.at_ns
             if _is_tagged_event(row):
                 counts = next(is_new)
@@ -290,81 +317,199 @@ class Intake:
                 if changed or row.cause in EVENTS:
                     without_tag.append(row)
             if counts:
-                self._value(database, point, record, row)
+                self._value(database, point, record, row, is_old)
         database.insert("history", EventRow._fields, without_tag)
 
-    def _rows(self, database: Database, records: list[Record]) -> list[EventRow]:
-        rows = []
-        last: dict[int, float] = {}
+    def _now(self, id_: int) -> Point:
+        return self.changes.points.get(id_) or self.model.points[id_]
+
+    def _rows(self, database: Database, records: list[Record]) -> list[Taken]:
+        """Nothing of them is stored yet: what the one says of the state, the next must know."""
+        taken = []
+        last: dict[int, tuple[float, Told]] = {}
         for record in records:
             point = self._point(database, record)
-            at_ns = record.tag_ns if record.tagged else record.received_ns
+            last_value, before = last.get(point.id) or (point.value or 0.0, point.told)
+            clock = self._clock(point)
+            believed = record.tagged and clock.believes(record, before)
+            at_ns = record.tag_ns if believed else record.received_ns
             value, quality = record.value, record.quality
             if not math.isfinite(value):  # of a float of the wire: neither JSON nor a chart has it
-                value, quality = last.get(point.id, point.value or 0.0), quality | INVALID
-            last[point.id] = value
-            rows.append(
-                EventRow(
-                    point.id, at_ns, value, quality, record.received_ns, record.cause, int(record.tagged)
-                )
+                value, quality = last_value, quality | INVALID
+            is_old = clock.is_old(record, at_ns, before)
+            told = before if is_old else Told(at_ns, record.received_ns, record.is_event, believed)
+            last[point.id] = value, told
+            tag_ns = record.tag_ns if record.tagged and not believed else None
+            row = EventRow(
+                point.id, at_ns, value, quality, record.received_ns, record.cause, int(believed), tag_ns
             )
-        return rows
+            taken.append(Taken(record, row, is_old))
+        return taken
 
-    def _value(self, database: Database, point: Point, record: Record, row: EventRow) -> None:
+    def _insert_events(
+        self, database: Database, rows: list[EventRow], without_tag: list[EventRow]
+    ) -> list[bool]:
+        """Of each tagged event whether it is new. It is known by its tag, even if nobody believes that."""
+        events = [row for row in rows if _is_tagged_event(row)]
+        plain = [row for row in events if row.tagged and not self._came_oddly(database, row)]
+        is_new = dict(zip(map(id, plain), database.insert_events(plain), strict=True))
+        for row in events:
+            if row.tag_ns is not None and self._is_new_oddly(database, row):
+                is_new[id(row)] = True
+                without_tag.append(row)
+        return [is_new.get(id(row), False) for row in events]
+
+    def _came_oddly(self, database: Database, row: EventRow) -> bool:
+        """When it came first, its clock was not believed."""
+        if row.point not in self.odd_points:
+            return False
+        sql = "SELECT 1 FROM odd_tags WHERE point = ? AND tag_ns = ? AND value = ? AND quality = ?"
+        return database.execute(sql, row[:4]).fetchone() is not None
+
+    def _is_new_oddly(self, database: Database, row: EventRow) -> bool:
+        """Its time in the history is that of its arrival, by which nobody would know it again."""
+        key = (row.point, row.tag_ns, row.value, row.quality)
+        self.odd_points.add(row.point)
+        where = "point = ? AND at_ns = ? AND value = ? AND quality = ? AND tagged <> 0"
+        if database.execute(f"SELECT 1 FROM history WHERE {where}", key).fetchone():
+            return False
+        sql = (
+            "INSERT INTO odd_tags (point, tag_ns, value, quality, received_ns) VALUES (?, ?, ?, ?, ?)"
+            " ON CONFLICT DO NOTHING"
+        )
+        return database.execute(sql, (*key, row.received_ns)).rowcount == 1
+
+    def _value(self, database: Database, before: Point, record: Record, row: EventRow, is_old: bool) -> None:
         point = Point(
-            point.id, point.station, point.ca, point.ioa, point.meaning,
+            before.id, before.station, before.ca, before.ioa, before.meaning,
             record.content, row.value, row.quality, row.cause,
             row.at_ns, row.received_ns, row.tagged,
-            point.latitude, point.longitude, point.altitude, record.detail,
+            before.latitude, before.longitude, before.altitude, record.detail, before.placed_ns,
         )  # fmt: skip
-        self.changes.points[point.id] = point
         self.changes.values.append(point)
+        same = (row.value, row.quality) == (before.value, before.quality)
+        if is_old:
+            self._doubt(point, same)
+            self._point_alarms(database, point, before)
+            return
+        self._judge(point, record, same)
+        self.changes.points[point.id] = point
         self._point_alarms(database, point)
 
     def _position(self, database: Database, record: Record) -> None:
-        point = self._point(database, record)
-        sane = record.tagged and record.tag_ns <= record.received_ns + FUTURE_NS
-        at_ns = record.tag_ns if sane else record.received_ns
+        before = self._point(database, record)
+        clock = self._clock(before)
+        believed = record.tagged and clock.believes(record, before.told)
+        at_ns = record.tag_ns if believed else record.received_ns
         latitude, longitude, altitude = record.position
-        self.places_of_tracks.append(
-            (point.id, at_ns, latitude, longitude, altitude, record.quality, record.detail)
-        )
-        if at_ns < point.at_ns:
-            return  # of the station's queue: where it was, not where it is
+        quality, placed_ns = record.quality, at_ns
+        if altitude == UNKNOWN_ALTITUDE:
+            quality &= ~OVERFLOW  # of the altitude alone
+        if quality & INVALID:  # a receiver without a fix tells 0 or anything: what is known is the last place
+            latitude, longitude, altitude = before.latitude, before.longitude, before.altitude
+            placed_ns = before.placed_ns
+        if latitude is not None:
+            self.places_of_tracks.append(
+                (before.id, at_ns, latitude, longitude, altitude, quality, record.detail)
+            )
         # By place, not by dataclasses.replace: that would cost as much as all else that is done for a record.
         point = Point(
-            point.id, point.station, point.ca, point.ioa, point.meaning,
-            Content.POSITION, point.value, record.quality, record.cause,
-            at_ns, record.received_ns, int(sane), latitude, longitude, altitude, record.detail,
+            before.id, before.station, before.ca, before.ioa, before.meaning,
+            Content.POSITION, before.value, quality, record.cause,
+            at_ns, record.received_ns, int(believed),
+            latitude, longitude, altitude, record.detail, placed_ns,
         )  # fmt: skip
+        same = (latitude, longitude, quality) == (before.latitude, before.longitude, before.quality)
+        if clock.is_old(record, at_ns, before.told):  # of the station's queue: where it was, not where it is
+            self._doubt(point, same)
+            return
+        self._judge(point, record, same)
         self.changes.points[point.id] = point
         self.changes.values.append(point)
         if self.areas and not point.quality & INVALID:
-            self._area_alarms(database, point, latitude / 1e7, longitude / 1e7)
+            self._area_alarms(database, point)
+
+    # ---- what is old, or of a clock that is wrong --------------------------------------------
+
+    def _clock(self, point: Point) -> Clock:
+        clock = self.clocks[point.station][point.ca]
+        clock.be_of_session(self.sessions.get(point.station, 0))
+        return clock
+
+    def _doubt(self, point: Point, same: bool) -> None:
+        """An event of before the state: the station kept it, or its clock is behind and it is news.
+
+        An interrogation says what is true, and its answer is behind this event.
+        """
+        address = point.station, point.ca
+        if same:
+            self.doubted[address].pop(point.id, None)
+        else:
+            self.doubted[address][point.id] = point
+            self.changes.doubts.add(address)
+
+    def _judge(self, point: Point, record: Record, same: bool) -> None:
+        """An answer that has the value of the event, and not the one of before: the event was news."""
+        address = point.station, point.ca
+        if address not in self.doubted:
+            return
+        event = self.doubted[address].pop(point.id, None)
+        if event is None or record.is_event or same:
+            return
+        if (event.value, event.quality, event.latitude, event.longitude) == (
+            point.value, point.quality, point.latitude, point.longitude,
+        ):  # fmt: skip
+            clock = self._clock(point)
+            clock.news = True
+            clock.wrong |= event.at_ns < event.received_ns - LIMIT_NS
+
+    def _ended(self, record: Record) -> list[int]:
+        """The id of an interrogation of ours that has ended: its answers stand before this record."""
+        state, _, id_ = record.progress
+        return [id_] if id_ in self.asked and state in ENDED else []
+
+    def settle(self, database: Database, address: tuple[int, int]) -> None:
+        """The interrogation has ended. Of what it did not answer the order of arrival decides."""
+        for event in self.doubted.pop(address, {}).values():
+            point = replace(event, at_ns=event.received_ns, tagged=0)
+            self.changes.points[point.id] = point
+            if point.is_position:
+                if self.areas and not point.quality & INVALID:
+                    self._area_alarms(database, point)
+            else:
+                self._point_alarms(database, point)
+
+    def _clock_alarms(self, database: Database) -> None:
+        """Of the stations that were heard."""
+        for id_, (heard_ns, _) in self.heard.items():
+            for ca, clock in self.clocks[id_].items():
+                key: AlarmKey = ("clock", id_, ca, None)
+                if clock.wrong:
+                    self._raise(database, key, CLOCK_PRIORITY, heard_ns, value=round(clock.ahead_ns / 1e9))
+                else:
+                    self._clear(database, key, heard_ns)
 
     # ---- alarms ------------------------------------------------------------------------------
 
-    def _point_alarms(self, database: Database, point: Point) -> None:
-        """Of limits and of a state. A value that is not valid says nothing about them."""
-        meaning = point.meaning
-        if point.quality & INVALID or point.value is None:
-            return
-        for kind, is_so in (
-            ("high", meaning.high is not None and point.value > meaning.high),
-            ("low", meaning.low is not None and point.value < meaning.low),
-            ("state", meaning.state is not None and point.value == meaning.state),
-        ):
+    def _point_alarms(self, database: Database, point: Point, now: Point | None = None) -> None:
+        """Of limits and of a state. A value that is not valid says nothing about them.
+
+        `now` is the state behind an old event, which does not end what is so now.
+        """
+        so, so_now = _alarming(point), _alarming(now) if now else {}
+        for kind, is_so in so.items():
             key: AlarmKey = (kind, point.station, point.id, None)
             if is_so:
-                self._raise(database, key, meaning.priority, point.at_ns, point)
-            else:
+                self._raise(database, key, point.meaning.priority, point.at_ns, point)
+            elif not so_now.get(kind):
                 self._clear(database, key, point.at_ns)
 
-    def _area_alarms(self, database: Database, point: Point, latitude: float, longitude: float) -> None:
+    def _area_alarms(self, database: Database, point: Point) -> None:
+        assert point.place
         if point.station not in self.areas_of:
             group = self._station(point.station).settings.group
             self.areas_of[point.station] = Areas(self.areas, group)
-        for area, is_so in self.areas_of[point.station].alarms(latitude, longitude):
+        for area, is_so in self.areas_of[point.station].alarms(*point.place):
             key: AlarmKey = (area.alarm, point.station, point.id, area.name)
             if is_so:
                 self._raise(database, key, area.priority, point.at_ns, point)
@@ -407,10 +552,11 @@ class Intake:
         alarm = self._alarm(key)
         if alarm:  # one that comes and goes is one until somebody has acknowledged it
             if alarm.gone_ns is not None:
-                self.put_alarm(database, replace(alarm, gone_ns=None))
+                told = alarm.value if value is None else value
+                self.put_alarm(database, replace(alarm, gone_ns=None, value=told))
             return
         kind, station, place, area = key
-        ca = place if kind == "quality" else point and point.ca
+        ca = point.ca if point else place
         value = point.value if point else value
         id_ = inserted(
             database,
@@ -424,9 +570,10 @@ class Intake:
         self.new_alarms[key] = id_
 
     def _clear(self, database: Database, key: AlarmKey, at_ns: int) -> None:
+        """None ends before it began, whatever a clock says."""
         alarm = self._alarm(key)
         if alarm and alarm.gone_ns is None:
-            self.put_alarm(database, replace(alarm, gone_ns=at_ns))
+            self.put_alarm(database, replace(alarm, gone_ns=max(at_ns, alarm.since_ns)))
 
     def put_alarm(self, database: Database, alarm: Alarm) -> None:
         put(database, "alarms", ALARM_COLUMNS, astuple(alarm))
@@ -446,6 +593,11 @@ class Intake:
         command = replace(command, id=id_)
         self.changes.commands[command.id] = command
         return command
+
+    def is_commanded(self, point: int) -> bool:
+        """A command of it has not ended."""
+        known = {**self.model.commands, **self.changes.commands}
+        return any(command.point == point and command.state not in ENDED for command in known.values())
 
     def end_command(self, database: Database, id_: int, state: State, result: Result) -> None:
         """It was not sent."""

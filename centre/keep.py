@@ -91,10 +91,10 @@ class Keeper:
             for table, days in (("history", events_days), ("track", self.keep.tracks_days)):
                 if days is not None:
                     self.drop_weeks(database, table, self._before(days))
-            events_days = None
         ended = ", ".join(str(int(state)) for state in ENDED)
         tables = (
-            ("history", "id", "at_ns < ?", events_days),
+            ("history", "id", "at_ns < ?", None if self.drop_weeks else events_days),
+            ("odd_tags", "point, tag_ns, value, quality", "received_ns < ?", self.keep.events_days),
             ("alarms", "id", "gone_ns < ?1 AND acknowledged_ns < ?1", self.keep.alarms_days),
             ("audit", "id", "at_ns < ?", self.keep.audit_days),
             ("commands", "id", f"changed_ns < ? AND state IN ({ended})", self.keep.audit_days),

@@ -6,7 +6,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from openrtu_tools.centre.records import INVALID, Content, Link
+from openrtu_tools.centre.clocks import Told
+from openrtu_tools.centre.records import EVENTS, INVALID, UNKNOWN_ALTITUDE, Content, Link
 from openrtu_tools.centre.settings import Meaning, StationSettings
 
 Json = dict[str, Any]
@@ -14,6 +15,16 @@ NS_PER_MS = 1_000_000
 
 # Kind, station, point or common address, area: there is one open alarm of each.
 AlarmKey = tuple[str, int, int | None, str | None]
+
+
+def degrees(number: int | None) -> float | None:
+    """Of 1e-7 degree; None: nobody knows the place."""
+    return None if number is None else number / 1e7
+
+
+def metres(number: int | None) -> float | None:
+    """Of the decimetres of type 201; None: nobody knows the altitude."""
+    return None if number is None or number == UNKNOWN_ALTITUDE else number / 10
 
 
 def milliseconds(ns: int | None) -> int | None:
@@ -74,10 +85,22 @@ class Point:
     longitude: int | None = None
     altitude: int | None = None
     detail: int = 0
+    placed_ns: int = 0  # when it was there: the last place that was valid
 
     @property
     def is_position(self) -> bool:
         return self.content == Content.POSITION
+
+    @property
+    def place(self) -> tuple[float, float] | None:
+        """Where it was last, in degrees."""
+        if not self.is_position or self.latitude is None or self.longitude is None:
+            return None
+        return self.latitude / 1e7, self.longitude / 1e7
+
+    @property
+    def told(self) -> Told:
+        return Told(self.at_ns, self.received_ns, self.cause in EVENTS, bool(self.tagged))
 
     def view(self) -> Json:
         return {"station": self.station, **self.listed(), **self.as_received()}
@@ -110,9 +133,10 @@ class Point:
         }
         if self.is_position:
             changes |= {
-                "latitude": (self.latitude or 0) / 1e7,
-                "longitude": (self.longitude or 0) / 1e7,
-                "altitude": (self.altitude or 0) / 10,
+                "latitude": degrees(self.latitude),
+                "longitude": degrees(self.longitude),
+                "altitude": metres(self.altitude),
+                "placed": milliseconds(self.placed_ns),
                 "fix": self.detail & 15,
                 "satellites": self.detail >> 4,
             }
@@ -130,8 +154,8 @@ class Point:
 
 @dataclass(frozen=True, slots=True)
 class Alarm:
-    """Kinds: lost (a station), quality (points of a common address), high, low, state (a point), inside and
-    outside (a vehicle and an area)."""
+    """Kinds: lost (a station), quality and clock (a common address: its points, its time tags), high, low,
+    state (a point), inside and outside (a vehicle and an area)."""
 
     id: int
     kind: str
@@ -239,6 +263,9 @@ class Changes:
     alarms: dict[int, Alarm] = field(default_factory=dict)
     commands: dict[int, Command] = field(default_factory=dict)
     values: list[Point] = field(default_factory=list)  # each that was told of points, in order
+    doubts: set[tuple[int, int]] = field(
+        default_factory=set
+    )  # station and common address: to be interrogated
 
     @property
     def any(self) -> bool:

@@ -18,6 +18,7 @@ from typing import Any, TypeVar
 import asyncpg
 
 from openrtu_tools.centre.errors import CentreError, StoreError
+from openrtu_tools.centre.records import UNKNOWN_ALTITUDE
 from openrtu_tools.centre.store import READERS, Answer, Database, EventRow, Row, Store
 
 T = TypeVar("T")
@@ -153,15 +154,33 @@ MIGRATIONS = (
     ALTER TABLE audit ADD COLUMN station BIGINT REFERENCES stations;
     ALTER TABLE users ADD COLUMN disabled INTEGER NOT NULL DEFAULT 0;
     """,
+    """
+    ALTER TABLE points ADD COLUMN placed_ns BIGINT NOT NULL DEFAULT 0;
+    UPDATE points SET latitude = NULL, longitude = NULL, altitude = NULL
+        WHERE quality >= 128 AND latitude = 0 AND longitude = 0; -- of a receiver that had lost its place
+    UPDATE points SET placed_ns = at_ns WHERE latitude IS NOT NULL;
+    ALTER TABLE history ADD COLUMN tag_ns BIGINT;
+    -- By which an event is known that comes again, though its clock is not believed.
+    CREATE TABLE odd_tags (
+        point BIGINT NOT NULL,
+        tag_ns BIGINT NOT NULL,
+        value DOUBLE PRECISION NOT NULL,
+        quality INTEGER NOT NULL,
+        received_ns BIGINT NOT NULL,
+        PRIMARY KEY (point, tag_ns, value, quality)
+    );
+    """,
 )
 
-# Of a database that has PostGIS, for those who read: QGIS, distances. In degrees of WGS 84, and metres.
+# Of a database that has PostGIS, for those who read: QGIS, distances. In degrees of WGS 84, and metres,
+# not a number where nobody knows the altitude.
 GEOMETRY = """
     CREATE OR REPLACE VIEW {view} AS
     SELECT points.id AS point, stations.name AS station, points.ca, points.ioa, {of}.quality,
         to_timestamp({of}.at_ns / 1e9) AS at,
         {schema}.ST_SetSRID({schema}.ST_MakePoint({of}.longitude / 1e7::float8, {of}.latitude / 1e7::float8,
-            {of}.altitude / 10::float8), 4326)::{schema}.geometry(PointZ, 4326) AS place
+            CASE {of}.altitude WHEN {unknown} THEN 'NaN' ELSE {of}.altitude / 10::float8 END), 4326)
+            ::{schema}.geometry(PointZ, 4326) AS place
     FROM {tables} JOIN stations ON stations.id = points.station
     WHERE {of}.latitude IS NOT NULL
 """
@@ -270,6 +289,7 @@ class PostgresStore(Store):
     """
 
     among = "IN (SELECT json_array_elements_text(?::json)::bigint)"
+    wanted = "(SELECT json_array_elements_text(?::json)::bigint AS number) AS wanted"
 
     def __init__(self, address: str, alone: bool) -> None:
         super().__init__()
@@ -447,7 +467,9 @@ def _show_geometry(session: Session) -> None:
     sql = "SELECT extnamespace::regnamespace::text FROM pg_extension WHERE extname = 'postgis'"
     for (schema,) in session.execute(sql):
         for view, of, tables in VIEWS:
-            session.script(GEOMETRY.format(view=view, of=of, tables=tables, schema=schema))
+            session.script(
+                GEOMETRY.format(view=view, of=of, tables=tables, schema=schema, unknown=UNKNOWN_ALTITUDE)
+            )
 
 
 def _migrate(session: Session) -> None:

@@ -12,9 +12,8 @@ import aiohttp
 
 from openrtu_tools.centre.centre import Centre
 from openrtu_tools.centre.errors import CentreError
-from openrtu_tools.centre.formats import FORMATS, Place
+from openrtu_tools.centre.formats import FORMATS, last_place
 from openrtu_tools.centre.model import Changes
-from openrtu_tools.centre.records import INVALID
 from openrtu_tools.centre.settings import Push
 
 log = logging.getLogger("centre")
@@ -89,13 +88,11 @@ class Pusher:
         several = Counter(point.station for point in model.points.values() if point.is_position)
         for id_ in ids:
             point = model.points[id_]
-            if point.quality & INVALID:
+            place = last_place(point)
+            if not place or not place.is_valid:
                 continue
-            view = point.view()
             name = model.stations[point.station].settings.name
             if several[point.station] > 1:
                 name += f" {point.ca}.{point.ioa}"
-            place = Place(view["at"] or 0, view["latitude"], view["longitude"], view["altitude"],
-                          view["quality"], view["fix"], view["satellites"])  # fmt: skip
             marks.append(writer.mark(name, place))
         return "".join([writer.begin(), *marks, writer.end()]) if marks else ""

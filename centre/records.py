@@ -20,6 +20,9 @@ LAST, TEST, TAGGED, TIME_INVALID, NEGATIVE = 1, 2, 4, 8, 16  # flags of a record
 SENT, GAP = 32, 64  # of octets
 SELECT = 1  # flag of a command
 OVERFLOW, BLOCKED, SUBSTITUTED, NOT_TOPICAL, INVALID = 1, 16, 32, 64, 128  # quality
+SPONTANEOUS, REMOTE, LOCAL = 3, 11, 12  # causes of what is an event
+EVENTS = (SPONTANEOUS, REMOTE, LOCAL)
+UNKNOWN_ALTITUDE = -(2**23)  # dm, of type 201
 
 
 class Kind(IntEnum):
@@ -127,6 +130,10 @@ class Record:
         return self.flags & (TAGGED | TIME_INVALID) == TAGGED
 
     @property
+    def is_event(self) -> bool:
+        return self.cause in EVENTS
+
+    @property
     def content(self) -> Content:
         return Content.POSITION if self.kind == Kind.POSITION else Content(self.rest[6])
 
@@ -138,7 +145,7 @@ class Record:
 
     @property
     def position(self) -> tuple[int, int, int]:
-        """Latitude and longitude in 1e-7 degree, altitude in dm."""
+        """Latitude and longitude in 1e-7 degree, altitude in dm or UNKNOWN_ALTITUDE."""
         latitude, longitude, altitude = struct.unpack("<iii", self.rest)
         return latitude, longitude, altitude
 

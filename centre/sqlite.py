@@ -126,6 +126,22 @@ MIGRATIONS = (
     ALTER TABLE audit ADD COLUMN station INTEGER REFERENCES stations;
     ALTER TABLE users ADD COLUMN disabled INTEGER NOT NULL DEFAULT 0;
     """,
+    """
+    ALTER TABLE points ADD COLUMN placed_ns INTEGER NOT NULL DEFAULT 0;
+    UPDATE points SET latitude = NULL, longitude = NULL, altitude = NULL
+        WHERE quality >= 128 AND latitude = 0 AND longitude = 0; -- of a receiver that had lost its place
+    UPDATE points SET placed_ns = at_ns WHERE latitude IS NOT NULL;
+    ALTER TABLE history ADD COLUMN tag_ns INTEGER;
+    -- By which an event is known that comes again, though its clock is not believed.
+    CREATE TABLE odd_tags (
+        point INTEGER NOT NULL REFERENCES points,
+        tag_ns INTEGER NOT NULL,
+        value REAL NOT NULL,
+        quality INTEGER NOT NULL,
+        received_ns INTEGER NOT NULL,
+        PRIMARY KEY (point, tag_ns, value, quality)
+    ) WITHOUT ROWID;
+    """,
 )
 
 
@@ -155,6 +171,7 @@ class SqliteStore(Store):
     """An open file. Raises CentreError when it cannot be opened."""
 
     among = "IN (SELECT value FROM json_each(?))"
+    wanted = "(SELECT value AS number FROM json_each(?)) AS wanted"
 
     def __init__(self, path: Path) -> None:
         super().__init__()

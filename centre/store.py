@@ -26,6 +26,7 @@ class EventRow(NamedTuple):
     received_ns: int
     cause: int
     tagged: int
+    tag_ns: int | None = None  # that was not believed: at_ns is when it came
 
 
 class Answered(Protocol):
@@ -63,6 +64,7 @@ class Store(ABC):
     """An open database. What goes wrong with it is a StoreError, and can be tried again."""
 
     among = ""  # a condition: one of the list of numbers that is given as JSON
+    wanted = ""  # a table of these numbers, as `wanted.number`
     # Lets go of what is older in a table that is kept by weeks; None: its rows are deleted.
     drop_weeks: Callable[[Database, str, int], None] | None = None
 

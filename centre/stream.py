@@ -108,7 +108,7 @@ class Stream:
         return self._is_inside(point)
 
     def _is_inside(self, point: Point) -> bool:
-        return self.view.has((point.latitude or 0) / 1e7, (point.longitude or 0) / 1e7)
+        return point.place is not None and self.view.has(*point.place)
 
     def shows_station(self, station: Station, with_points: set[int]) -> bool:
         """On the map those that have a place there, and those of what is shown."""
@@ -211,9 +211,7 @@ class Stream:
             if station.settings.location and self.session.sees(station)
         ]
         vehicles = [
-            ((point.latitude or 0) / 1e7, (point.longitude or 0) / 1e7)
-            for point in model.points.values()
-            if point.is_position and self.sees(point.station)
+            point.place for point in model.points.values() if point.place and self.sees(point.station)
         ]
         places += vehicles
         if not places:

@@ -67,6 +67,7 @@ async def serve(what: settings.Settings, page: Path) -> None:
             task.cancel()
         await asyncio.gather(collecting, *working, return_exceptions=True)
         await runner.cleanup()
+        await centre.makers.close()
     finally:
         centre.close()
 

@@ -23,6 +23,8 @@ SPONTANEOUS, REQUEST, ACT, ACT_CON, DEACT, DEACT_CON, ACT_TERM, INTERROGATED = 3
 UNKNOWN_TYPE, NEGATIVE, SELECT = 44, 0x40, 0x80
 HIGHER = 2  # RCS of a regulating step; 1 lower
 UNTAGGED = {M_SP_TB_1: M_SP_NA_1, M_ST_TB_1: M_ST_NA_1, M_ME_TF_1: M_ME_NC_1, POSITION: POSITION}
+INVALID, OVERFLOW = 0x80, 1  # of a quality descriptor
+NO_ALTITUDE = (-(2**23)).to_bytes(3, "little", signed=True)
 TIME_OCTETS = 7
 QUEUE_MOST = 100_000
 
@@ -37,10 +39,12 @@ def time_tag(at_ms: int) -> bytes:
 
 
 def position(at_ms: int, latitude: float, longitude: float, altitude: float = 0, fix: int = 1) -> bytes:
-    """The element of type 201: docs/positioning.md."""
+    """The element of type 201: docs/positioning.md. Without a fix it has no place and no altitude."""
+    if not fix:
+        return struct.pack("<ii", 0, 0) + NO_ALTITUDE + bytes([0, INVALID | OVERFLOW]) + time_tag(at_ms)
     place = struct.pack("<ii", round(latitude * 1e7), round(longitude * 1e7))
     height = round(altitude * 10).to_bytes(3, "little", signed=True)
-    return place + height + bytes([fix | (9 if fix else 0) << 4, 0 if fix else 0x80]) + time_tag(at_ms)
+    return place + height + bytes([fix | 9 << 4, 0]) + time_tag(at_ms)
 
 
 def single(at_ms: int, on: bool, quality: int = 0) -> bytes:
@@ -69,6 +73,7 @@ class Station:
     )  # by IOA: type and element, with its tag
     commanded: list[tuple[int, int]] = field(default_factory=list)
     connections: int = 0
+    interrogations: int = 0
     tap: int = 0  # where its tap changer stands
     _server: asyncio.Server | None = None
     _session: Session | None = None
@@ -76,6 +81,10 @@ class Station:
     async def listen(self, port: int = 0) -> None:
         self._server = await asyncio.start_server(self._serve, "127.0.0.1", port or self.port)
         self.port = self._server.sockets[0].getsockname()[1]
+
+    @property
+    def is_connected(self) -> bool:
+        return self._session is not None
 
     async def stop(self) -> None:
         """Hangs up, and listens no more."""
@@ -108,9 +117,9 @@ class Station:
                     session.take(frame)
         finally:
             writer.close()
+            session.give_back()
             if self._session is session:
                 self._session = None
-            session.give_back()
 
     def opened(self, session: Session) -> None:
         if self._session and self._session is not session:
@@ -181,6 +190,7 @@ class Session:
         type_, _, cause = asdu[:3]
         ioa = int.from_bytes(asdu[6:9], "little")
         if type_ == C_IC_NA_1:
+            self.station.interrogations += 1
             self.mirror(asdu, ACT_CON)
             for ioa, (of_type, element) in self.station.objects.items():
                 whole = element if of_type == POSITION else element[:-TIME_OCTETS]

@@ -24,7 +24,7 @@ import aiohttp
 
 from lab.centre_client import LIMIT_S, AnswerError, Client
 from lab.gateway import free_port
-from lab.vehicles import Station
+from lab.vehicles import SPONTANEOUS, Station
 from openrtu_tools.centre.database import open_store
 from openrtu_tools.centre.settings import load
 from openrtu_tools.centre.users import put
@@ -71,6 +71,15 @@ class Stations:
 
     def say(self, station: Station, ioa: int, type_: int, element: bytes) -> None:
         self.loop.call_soon_threadsafe(station.say, ioa, type_, element)
+
+    def keep(self, station: Station, ioa: int, type_: int, elements: Iterable[bytes]) -> None:
+        """Events that have waited for a connection: it is lost, and there is another one. They are older than
+        what the station gives back to its queue."""
+        self.do(station.stop())
+        until(lambda: not station.is_connected, "it has no connection")
+        events = [station.asdu(type_, SPONTANEOUS, ioa, element) for element in elements]
+        station.queue.extendleft(reversed(events))
+        self.do(station.listen())
 
     def close(self) -> None:
         self.loop.call_soon_threadsafe(self.loop.stop)

@@ -8,6 +8,7 @@ import itertools
 import json
 import re
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -58,10 +59,60 @@ def test_table_has_the_number_of_each_segment() -> None:
 
 
 def test_south_and_west_are_no_formulas() -> None:
-    rows = list(csv.DictReader(io.StringIO(written("csv", [Place(0, -33.9, -58.1, -4)]))))
+    rows = list(csv.DictReader(io.StringIO(written("csv", [Place(0, -33.9, -58.1, -4, 0)]))))
     assert (rows[1]["latitude"], rows[1]["longitude"], rows[1]["altitude"]) == (
         "-33.9000000", "-58.1000000", "-4.0",
     )  # fmt: skip
+
+
+UNKNOWN_ALTITUDE = [Place(1000 * i, 44.8, 20.4 + i / 1e4, None, 0, 1, 9) for i in range(3)]
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_altitude_that_nobody_knows_is_told_by_no_number(form: str) -> None:
+    text = written(form, UNKNOWN_ALTITUDE)
+    assert "838860" not in text and "<ele>" not in text and "None" not in text
+    if form == "geojson":
+        assert [len(place) for place in lines(text)[0]["geometry"]["coordinates"]] == [2, 2, 2]
+    elif form == "csv":
+        assert {row["altitude"] for row in csv.DictReader(io.StringIO(text))} == {""}
+
+
+def test_last_place_of_one_that_lost_its_fix_is_told_as_that() -> None:
+    """When it was there, and when it said that it has no place now."""
+    lost = Place(1_700_000_004_000, 44.8, 20.4, 117.0, 128, 0, 0, told_ms=1_700_000_060_000)
+    texts = {form: FORMATS[form](GAP_S).mark(NAME, lost) for form in FORMATS}
+    point = ElementTree.fromstring(texts["gpx"])
+    assert (point.attrib["lat"], point.findtext("fix")) == ("44.8000000", "none")
+    for form in ("gpx", "kml", "geojson"):
+        assert "no valid position" in texts[form]
+        assert "2023-11-14T22:13:24.000Z" in texts[form] and "2023-11-14T22:14:20.000Z" in texts[form]
+    assert texts["csv"].rstrip().endswith(",0")
+    assert json.loads(texts["geojson"])["properties"]["valid"] is False
+
+
+def test_name_has_only_characters_that_xml_has() -> None:
+    """U+FFFE, a lone surrogate and control characters are none of XML 1.0."""
+    writer = FORMATS["gpx"](GAP_S)
+    name = "a\ufffeb\uffffc\ud800d\x0be\U0001f690"
+    ElementTree.fromstring(writer.mark(name, WAY[0]))
+    assert "a\ufffdb\ufffdc\ufffdd\ufffde\U0001f690" in writer.mark(name, WAY[0])
+
+
+def test_geojson_is_cut_at_the_antimeridian() -> None:
+    """RFC 7946, 3.1.9: each part has the edge, at the same latitude and time."""
+    way = [
+        Place(1000 * i, -17.0 + i / 10, longitude, None, 0)
+        for i, longitude in enumerate((179, 179.8, -179.8))
+    ]
+    east, west = lines(written("geojson", way))
+    assert east["geometry"]["coordinates"] == [[179, -17.0], [179.8, -16.9], [180.0, pytest.approx(-16.85)]]
+    assert west["geometry"]["coordinates"] == [[-180.0, pytest.approx(-16.85)], [-179.8, -16.8]]
+    assert east["properties"]["goes_on"] and "goes_on" not in west["properties"]
+    assert east["properties"]["times"][-1] == west["properties"]["times"][0] == "1970-01-01T00:00:01.500Z"
+    back = [replace(place, longitude=-place.longitude) for place in way]
+    west, east = lines(written("geojson", back))
+    assert west["geometry"]["coordinates"][-1][0] == -180 and east["geometry"]["coordinates"][0][0] == 180
 
 
 @pytest.mark.parametrize("module", [areas, keep])
@@ -112,7 +163,7 @@ def test_geojson_is_as_rfc_7946_has_it() -> None:
 
 def test_long_way_goes_on_in_the_next_line() -> None:
     """No piece is lost between them, and it is no gap."""
-    way = [Place(1000 * i, i / 1e6, 0, 0) for i in range(2 * WAY_MOST)]
+    way = [Place(1000 * i, i / 1e6, 0, 0, 0) for i in range(2 * WAY_MOST)]
     features = lines(written("geojson", way))
     assert [feature["properties"].get("goes_on", False) for feature in features] == [True, True, False]
     for a, b in itertools.pairwise(features):

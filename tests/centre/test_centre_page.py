@@ -8,7 +8,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Page, Route, expect
 from pmtiles.tile import Compression, TileType, zxy_to_tileid
 from pmtiles.writer import write
 
@@ -230,11 +230,12 @@ def test_marker_has_a_text_and_is_chosen_by_a_pointer(page: Page, stations: Stat
     place = page.evaluate(f"openrtuMap.project([{BELGRADE[1]}, {BELGRADE[0]}])")
     page.locator(".maplibregl-canvas").click(position={"x": place["x"] + 5, "y": place["y"]})
     expect(page.locator(".about h2")).to_have_text("north")
-    stations.say(north, 1, POSITION, position(now_ms(), *BELGRADE, 117, fix=0))
+    stations.say(north, 1, POSITION, position(now_ms(), 0, 0, fix=0))  # in a tunnel
     until(
         lambda: any(re.fullmatch(r"north\ninvalid, \d+ s", each) for each in page.evaluate(LABELS)),
         "the text of an invalid one",
     )
+    expect(page.locator(".about dl")).to_contain_text(f"{BELGRADE[0]:.6f}°")
     stations.say(north, 1, POSITION, position(now_ms(), *BELGRADE, 117))
 
 
@@ -329,8 +330,8 @@ def test_map_of_ones_own(page: Page, site: Site) -> None:
 def test_replay_shows_where_it_was(page: Page, site: Site, stations: Stations, north: Station) -> None:
     """Half an hour ago it was elsewhere; when replay ends it is back."""
     begin = now_ms() - 1_800_000
-    for second in range(10):
-        stations.say(north, 1, POSITION, position(begin + 1000 * second, 43.5 + second / 1000, 21.5))
+    way = [position(begin + 1000 * second, 43.5 + second / 1000, 21.5) for second in range(10)]
+    stations.keep(north, 1, POSITION, way)
     stations.say(north, 1, POSITION, position(now_ms(), *BELGRADE, 117))
     client = site.client("vera")
     path = f"/api/tracks?from={begin}&to={begin + 10_000}"
@@ -424,6 +425,38 @@ def test_escape_leaves_no_selection(page: Page, site: Site, north: Station) -> N
     expect(page.locator("dialog button.main")).to_have_text("Execute")
     page.keyboard.press("Escape")
     until(lambda: client.get("/api/commands")[0]["state"] == 5, "the selection is cancelled")
+
+
+def test_escape_before_the_answer_leaves_no_selection(page: Page, site: Site) -> None:
+    """On a slow network the answer comes when the dialogue is gone."""
+    client = site.client("olga")
+    before = len(client.get("/api/commands"))
+    asked: list[Route] = []
+    page.route("**/api/commands", lambda route: asked.append(route))
+    open_command(page, "pump")
+    page.locator("dialog .choices button").nth(1).click()
+    page.locator("dialog button.main").click()
+    until(lambda: page.wait_for_timeout(20) or asked, "it is asked")
+    page.keyboard.press("Escape")
+    expect(page.locator("dialog")).to_have_count(0)
+    asked[0].continue_()
+    until(
+        lambda: (
+            page.wait_for_timeout(20)
+            or (len(client.get("/api/commands")) > before and client.get("/api/commands")[0]["state"] == 5)
+        ),
+        "the selection is cancelled",
+    )
+
+
+def test_events_have_the_word_of_their_quality(page: Page, stations: Stations, north: Station) -> None:
+    for bit in (0, 1, 16, 32, 64, 128):
+        stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 1.5, bit))
+    view(page, "alarms")
+    page.get_by_role("button", name="Events").click()
+    for word in ("good", "overflow", "blocked", "substituted", "not topical", "invalid"):
+        expect(page.locator("td .state", has_text=re.compile(f"^{word}$")).first).to_be_visible()
+    stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 1.5))
 
 
 def test_absent_station_is_told_and_nothing_waits(

@@ -7,6 +7,7 @@ import doctest
 import io
 import itertools
 import json
+import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -22,7 +23,7 @@ from lab.centre_client import AnswerError, Client
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, POSITION, Station, measured, position, single
 from openrtu_tools.centre import stream
 from openrtu_tools.centre.api import AUDITED, ROUTES, document
-from openrtu_tools.centre.records import Result, State
+from openrtu_tools.centre.records import ENDED, Result, State
 from openrtu_tools.centre.stream import View
 
 INVALID = 128
@@ -60,6 +61,10 @@ def manner(north: Station) -> Iterator[Station]:
 
 def point(client: Client, name: str) -> dict[str, Any]:
     return next(each for each in client.get("/api/points") if each["name"] == name)
+
+
+def station_id(client: Client, name: str) -> int:
+    return next(int(each["id"]) for each in client.get("/api/stations") if each["name"] == name)
 
 
 def link(client: Client, name: str) -> int:
@@ -213,6 +218,29 @@ def test_what_is_no_command_is_not_sent(
     assert not north.commanded
 
 
+def test_of_commands_at_the_same_moment_one_is_sent(site: Site, operator: Client) -> None:
+    """Each of two operators wants the opposite of the other's: all but one are told that it is busy."""
+    clients, pump = [operator, site.client("omar")], point(operator, "pump")["id"]
+    for _ in range(5):
+        gate = threading.Barrier(8)
+
+        def post(number: int, gate: threading.Barrier = gate) -> int | str:
+            gate.wait()
+            try:
+                body = {"point": pump, "value": number // 2 % 2}
+                return int(clients[number % 2].post("/api/commands", body)["id"])
+            except AnswerError as refused:
+                return refused.code
+
+        with ThreadPoolExecutor(8) as pool:
+            answers = list(pool.map(post, range(8)))
+        assert answers.count("busy") == 7, answers
+        [(number, id_)] = [(number, each) for number, each in enumerate(answers) if isinstance(each, int)]
+        in_state(operator, id_, State.ACCEPTED_SELECTION)
+        clients[number % 2].post(f"/api/commands/{id_}/cancel")
+        in_state(operator, id_, *ENDED)
+
+
 def test_nothing_waits_for_a_station_that_is_absent(
     site: Site, operator: Client, stations: Stations, north: Station
 ) -> None:
@@ -283,6 +311,54 @@ def test_clock_of_a_station(stations: Stations, operator: Client, south: Station
     assert 0 <= 90_000 - clock() < 60_000  # of which the delay of a busy host is a part
 
 
+def test_events_that_waited_are_events_and_no_state(
+    stations: Stations, operator: Client, north: Station
+) -> None:
+    """The station tells what waited, before the answer of the interrogation and behind it."""
+    value = now_ms() % 1000 / 1024  # of no test before
+    stations.say(north, 4, M_ME_TF_1, measured(now_ms(), value))
+    until(lambda: value_of(operator, "level") == value, "the value")
+    north.interrogations = 0
+    stations.keep(north, 4, M_ME_TF_1, [measured(now_ms() - ago, 3) for ago in (60_000, 50_000)])
+    level = point(operator, "level")["id"]
+    until(lambda: 3 in [row["value"] for row in operator.get(f"/api/points/{level}/history")], "the events")
+    assert value_of(operator, "level") == value
+    waited = [north.asdu(M_ME_TF_1, 3, 4, measured(now_ms() - 40_000, 4))]
+    until(lambda: north.interrogations, "the answer of the interrogation is between these events")
+    stations.loop.call_soon_threadsafe(north.queue.extend, waited)
+    stations.say(north, 2, M_SP_TB_1, single(now_ms(), False))
+    until(lambda: north.interrogations > 1, "it is asked what is so")
+    until(lambda: 4 in [row["value"] for row in operator.get(f"/api/points/{level}/history")], "the event")
+    assert value_of(operator, "level") == value
+
+
+def test_news_of_a_station_whose_clock_is_behind(
+    stations: Stations, operator: Client, south: Station, site: Site
+) -> None:
+    """An hour: its event looks as if it had waited, until the station is asked. An alarm says by how much."""
+
+    def value() -> float:
+        of_south = operator.get(f"/api/points?station={station_id(operator, 'south')}")
+        return next((float(each["value"]) for each in of_south if each["ioa"] == 4), 0.0)
+
+    stations.do(south.stop())
+    until(lambda: link(operator, "south") == 4, "down")
+    stations.do(south.listen())
+    until(lambda: link(operator, "south") == 3, "up")
+    stations.say(south, 4, M_ME_TF_1, measured(now_ms() - 3_600_000, 41))
+    until(lambda: value() == 41, "the value, once it was asked for")
+    [alarm] = until(
+        lambda: [each for each in open_alarms(operator, "clock") if not each["gone"]], "an alarm of the clock"
+    )
+    assert -3700 < alarm["value"] <= -3600
+    stations.say(south, 4, M_ME_TF_1, measured(now_ms() - 3_600_000, 42))
+    until(lambda: value() == 42, "the next one")
+    stations.say(south, 4, M_ME_TF_1, measured(now_ms(), 1))
+    until(lambda: all(each["gone"] for each in open_alarms(operator, "clock")), "a clock that is right")
+    for each in open_alarms(operator, "clock"):
+        operator.post(f"/api/alarms/{each['id']}/acknowledge")
+
+
 # ---- alarms --------------------------------------------------------------------------------------
 
 
@@ -345,11 +421,10 @@ def test_vehicle_in_an_area_and_out_of_one(site: Site, stations: Stations, north
 
 
 def test_track_with_one_place_of_each_step(site: Site, stations: Stations, north: Station) -> None:
-    """As replay asks for it. A place without a fix cuts it all the same."""
+    """As replay asks for it. A place without a fix cuts it all the same. The places have waited."""
     client, begin = site.client("vera"), now_ms() // 10_000 * 10_000 - 3_000_000
     places = [position(begin + 1000 * i, 44 + i / 1000, 20, fix=int(i != 25)) for i in range(50)]
-    for place in places:
-        stations.say(north, 1, POSITION, place)
+    stations.keep(north, 1, POSITION, places)
     path = f"/api/tracks?from={begin}&to={begin + 50_000}"
 
     def ways(**keys: int) -> list[list[str]]:

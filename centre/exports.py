@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files that take long, each made by a process of its own: `python -m openrtu_tools.centre.exports`.
+
+It reads one order (JSON) from its input, reads the database, and writes the file to its output. Its parent
+passes the octets on, so no page waits for a file.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import sys
+from collections.abc import AsyncIterator, Callable
+from pathlib import Path
+from typing import Any
+
+from openrtu_tools.centre.database import open_store
+from openrtu_tools.centre.errors import CentreError
+from openrtu_tools.centre.formats import FORMATS, Place, Writer, moment, table
+from openrtu_tools.centre.model import NS_PER_MS, Json, metres
+from openrtu_tools.centre.records import INVALID
+from openrtu_tools.centre.store import Row, Store
+
+ROWS_AT_ONCE = 2000  # what is in memory
+STRETCH_NS = 60 * 10**9
+INTEGER_MOST = 2**63 - 1
+NICENESS = 10  # values come first
+POINTS_MOST = 1000  # so many are looked for point by point; of more, all of a time is read
+
+Rows = AsyncIterator[list[Row]]
+Text = AsyncIterator[str]
+
+
+async def rows_of_time(store: Store, sql: str, key: str, begin: int, end: int, *values: Any) -> Rows:
+    """Rows of a time by and by, oldest first. `sql` ends with a condition; `key` is unique for a time.
+
+    A stretch at a time: a store that knows but roughly where a time lies sorts what is in the stretch.
+    """
+    after: tuple[int, int] = (begin - 1, INTEGER_MOST)
+    stretch = STRETCH_NS
+    while after[0] < end:
+        until = min(after[0] + stretch, end)
+        rows = await store.read(
+            f"{sql} AND (at_ns, {key}) > (?, ?) AND at_ns BETWEEN ? AND ? ORDER BY at_ns, {key} LIMIT ?",
+            *values, *after, after[0], until, ROWS_AT_ONCE,
+        )  # fmt: skip
+        if rows:
+            yield rows
+        if len(rows) == ROWS_AT_ONCE:
+            after = rows[-1]["at_ns"], rows[-1]["key"]
+            stretch = max(stretch // 2, STRETCH_NS)
+        else:
+            after = until, INTEGER_MOST
+            stretch *= 2
+
+
+async def track(store: Store, point: int, begin: int, end: int, step_ns: int) -> AsyncIterator[list[Place]]:
+    """The places of a time by and by; with a step, the last one of each."""
+    sql = "SELECT *, point AS key FROM track WHERE point = ?"
+    last: Row | None = None
+    async for rows in rows_of_time(store, sql, "point", begin, end, point):
+        if not step_ns:
+            yield [_place(row) for row in rows]
+            continue
+        thinned = []
+        for row in rows:
+            # A place that is not valid cuts the track: it stays, and so does the one before it.
+            cut = last and (last["quality"] | row["quality"]) & INVALID
+            if last and (cut or last["at_ns"] // step_ns != row["at_ns"] // step_ns):
+                thinned.append(_place(last))
+            last = row
+        yield thinned
+    if last:
+        yield [_place(last)]
+
+
+def _place(row: Row) -> Place:
+    return Place(
+        row["at_ns"] // NS_PER_MS, row["latitude"] / 1e7, row["longitude"] / 1e7, metres(row["altitude"]),
+        row["quality"], row["detail"] & 15, row["detail"] >> 4,
+    )  # fmt: skip
+
+
+async def tracks(
+    store: Store, writer: Writer, names: dict[int, str], begin: int, end: int, step_ns: int
+) -> Text:
+    """A whole file of the ways of vehicles."""
+    yield writer.begin()
+    for id_, name in names.items():
+        yield writer.track(name, id_)
+        async for places in track(store, id_, begin, end, step_ns):
+            yield writer.places(places)
+        yield writer.end_track()
+    yield writer.end()
+
+
+# ---- by what is ordered --------------------------------------------------------------------------
+
+
+async def _tracks(store: Store, order: Json) -> Text:
+    names = {int(id_): name for id_, name in order["names"].items()}
+    writer = FORMATS[order["format"]](order["gap_s"])
+    async for text in tracks(store, writer, names, order["begin"], order["end"], order["step_ns"]):
+        yield text
+
+
+async def _history(store: Store, order: Json) -> Text:
+    yield table([["time", "value", "quality", "cause"]])
+    sql = "SELECT at_ns, id AS key, value, quality, cause FROM history WHERE point = ?"
+    async for rows in rows_of_time(store, sql, "id", order["begin"], order["end"], order["point"]):
+        yield table(
+            (moment(row["at_ns"] // NS_PER_MS), row["value"], row["quality"], row["cause"]) for row in rows
+        )
+
+
+async def _events(store: Store, order: Json) -> Text:
+    """Of the points in `names`: by id, the station's name and the point's."""
+    yield table([["time", "station", "point", "value", "quality", "cause"]])
+    names = {int(id_): name for id_, name in order["names"].items()}
+    if len(names) <= POINTS_MOST:  # SQLite takes the tables of a CROSS JOIN in this order: each point's index
+        source, values = f"{store.wanted} CROSS JOIN history WHERE point = number", [json.dumps(list(names))]
+    else:
+        source, values = "history WHERE TRUE", []
+    sql = f"SELECT at_ns, id AS key, point, value, quality, cause FROM {source}"
+    async for rows in rows_of_time(store, sql, "id", order["begin"], order["end"], *values):
+        yield table(
+            (
+                moment(row["at_ns"] // NS_PER_MS),
+                *names[row["point"]],
+                row["value"],
+                row["quality"],
+                row["cause"],
+            )
+            for row in rows
+            if row["point"] in names
+        )
+
+
+async def _audit(store: Store, order: Json) -> Text:
+    """`where` and its values as api.audited has made them; `names` of stations, by id."""
+    yield table([["time", "user", "action", "station", "detail"]])
+    sql = f'SELECT at_ns, id AS key, "user", action, station, detail FROM audit WHERE TRUE{order["where"]}'
+    async for rows in rows_of_time(store, sql, "id", order["begin"], order["end"], *order["values"]):
+        yield table(
+            (
+                moment(row["at_ns"] // NS_PER_MS),
+                row["user"],
+                row["action"],
+                order["names"].get(str(row["station"]), ""),
+                row["detail"],
+            )
+            for row in rows
+        )
+
+
+MAKERS: dict[str, Callable[[Store, Json], Text]] = {
+    "tracks": _tracks,
+    "history": _history,
+    "events": _events,
+    "audit": _audit,
+}
+
+
+async def _write(order: Json) -> None:
+    where = order["database"]
+    store = open_store(Path(where) if order["is_file"] else where, alone=False)
+    try:
+        async for text in MAKERS[order["what"]](store, order):
+            sys.stdout.buffer.write(text.encode())
+    finally:
+        store.close()
+
+
+def main() -> int:
+    os.nice(NICENESS)
+    line = sys.stdin.buffer.readline()
+    if not line:
+        return 0  # nobody needed it
+    try:
+        asyncio.run(_write(json.loads(line)))
+        sys.stdout.buffer.flush()
+    except BrokenPipeError:
+        os._exit(1)  # who asked has left; Python would try once more to write
+    except CentreError as error:
+        print(error, file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
