@@ -705,8 +705,8 @@ lab: $(VENV) $(EMULATED) ## Build: the image that `make run` boots
 	@$(LAB).site build/site
 	@$(MAKE) image-debian SITE=build/site/lab GATEWAY=gateway-tls
 
-# 20 simulated stations, or STATIONS=file, the centre's file of one's own.
-centre: build centre-page $(VENV) $(BOARDS) $(CENTRE) ## See it: a control centre with 20 simulated RTUs (KEEP=1; PORT=; STATIONS=file)
+# 20 stations with simulated devices and receivers, or STATIONS=file, the centre's file of one's own.
+centre: build centre-page $(VENV) $(BOARDS) $(CENTRE) ## See it: a control centre with 20 RTUs (KEEP=1; PORT=; STATIONS=file)
 	@$(LAB).centre_show $(AT_PORT) $(if $(KEEP),--keep) $(if $(STATIONS),--stations '$(STATIONS)')
 
 ifndef IMAGE_TYPED

@@ -136,6 +136,7 @@ REACH = [
     ("centre/*", f"{PIP} test-centre tests/bench/test_store.py"),
     ("scripts/lab/centre_*.py", "lint test-centre"),
     ("scripts/lab/vehicles.py", "lint test-centre"),
+    ("scripts/lab/fleet.py", "lint test-centre"),
     ("scripts/lab/roads.py", "lint test-centre"),
     # the tools
     (

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""make centre: a control centre with 20 simulated RTUs: 18 vehicles on roads of the world, two gateways.
+"""make centre: a control centre with 20 RTUs: 18 vehicles on roads of the world, two gateways with devices.
 
 Exit code 0: every step succeeded; 1: one did not, with the reason.
 """
@@ -7,7 +7,6 @@ Exit code 0: every step succeeded; 1: one did not, with the reason.
 from __future__ import annotations
 
 import argparse
-import asyncio
 import contextlib
 import json
 import os
@@ -26,20 +25,25 @@ from typing import Any
 from lab import ports
 from lab.centre_client import AnswerError, Client
 from lab.errors import LabError
+from lab.fleet import CA, Vehicle, driving, vehicle
 from lab.gateway import REPOSITORY, Gateway, default_build, free_port, listening_on, remove, run_directory
 from lab.linesim import LineSim
-from lab.roads import WAYS, Road
+from lab.roads import WAYS
 from lab.show import DEADLINE_S, configuration, say, start_gateway, start_lines, tcp_port
-from lab.vehicles import POSITION, Station, position
 from lab.verdict import Verdict, run
 
 PORT = 8104
 USER = "operator"
-HISTORY_S, EVERY_S = 2400, 10  # what a vehicle has in its queue when the centre comes
-REPORT_S = 2.0
-SPEED_M_S = 22.0
-NO_FIX_S, PERIOD_S = 240, 1500  # of the one in the mountains
-TUNNELS, SILENT, ABSENT = "Torino-Milano", "Oslo-Hamar", "Cape Town-Paarl"
+TUNNELS, ABSENT = "Torino-Milano", "Cape Town-Paarl"
+UNSURE = {TUNNELS, "Oslo-Hamar", ABSENT}  # their places are not good all the time
+INVALID = 0x80
+# What the gateways of some receivers count of their clocks.
+COUNTED = {
+    "Kraków-Katowice": "clock_steps",
+    "Barcelona-Girona": "dates_refused",
+    "Mumbai-Pune": "era_corrected",
+}
+TIMELY_S = 60.0  # a busy host is late
 PLANTS = {"substation Beograd": (44.79, 20.52, "Srbija"), "substation Niš": (43.34, 21.87, "Srbija")}
 ALARMS = {
     "feeder10.protection-trip": {"state": 1, "priority": 1},
@@ -59,56 +63,24 @@ class NotSeenError(LabError):
 # ---- vehicles ------------------------------------------------------------------------------------
 
 
-def fix(road: Road, number: int, name: str, at_s: float) -> bytes:
-    """Where the vehicle is at that time; no fix where the mountains are."""
-    latitude, longitude = road.at(at_s * SPEED_M_S + number * 7000)
-    lost = name == TUNNELS and at_s % PERIOD_S < NO_FIX_S
-    return position(int(at_s * 1000), latitude, longitude, 120 + 11 * number, 0 if lost else 1)
-
-
-async def parked(name: str, number: int) -> Station:
-    """A vehicle that has driven for a while; it listens."""
-    road, station = Road(WAYS[name]), Station()
-    begun = int(time.time())
-    for at_s in range(begun - HISTORY_S, begun, EVERY_S):
-        station.say(1, POSITION, fix(road, number, name, at_s))
-    await station.listen()
-    return station
-
-
-async def drive(name: str, number: int, station: Station) -> None:
-    road = Road(WAYS[name])
-    while name != SILENT:
-        station.say(1, POSITION, fix(road, number, name, time.time()))
-        await asyncio.sleep(REPORT_S)
+@contextlib.contextmanager
+def vehicles(verdict: Verdict) -> Iterator[dict[str, Vehicle]]:
+    """They drive, by name; all but the absent one."""
+    present = {name: number for number, name in enumerate(WAYS) if name != ABSENT}
+    with contextlib.ExitStack() as stack:
+        fleet = {name: stack.enter_context(vehicle(name, number)) for name, number in present.items()}
+        for name, each in fleet.items():
+            verdict.sources[name] = each.gateway.log
+        stack.enter_context(driving(list(fleet.values())))
+        yield fleet
 
 
 @contextlib.contextmanager
-def vehicles() -> Iterator[dict[str, int]]:
-    """They drive in a thread of their own; their ports. Of the absent one, nobody listens on it."""
-    loop = asyncio.new_event_loop()
-    numbers = {name: number for number, name in enumerate(WAYS) if name != ABSENT}
-    stations = {name: loop.run_until_complete(parked(name, number)) for name, number in numbers.items()}
-
-    async def all_of_them() -> None:
-        await asyncio.gather(*(drive(name, numbers[name], stations[name]) for name in stations))
-
-    task = loop.create_task(all_of_them())
-
-    def work() -> None:
-        with contextlib.suppress(asyncio.CancelledError):
-            loop.run_until_complete(task)
-
-    thread = threading.Thread(target=work, daemon=True)
-    thread.start()
-    try:
-        with socket.socket() as absent:
-            absent.bind(("127.0.0.1", 0))
-            ports_of = {name: station.port for name, station in stations.items()}
-            yield ports_of | {ABSENT: absent.getsockname()[1]}
-    finally:
-        loop.call_soon_threadsafe(task.cancel)
-        thread.join()
+def unheard_port() -> Iterator[int]:
+    """Nobody listens on it, and nobody else gets it."""
+    with socket.socket() as absent:
+        absent.bind(("127.0.0.1", 0))
+        yield absent.getsockname()[1]
 
 
 # ---- gateways ------------------------------------------------------------------------------------
@@ -146,6 +118,7 @@ class Show:
 
     client: Client
     lines: LineSim
+    fleet: dict[str, Vehicle]
 
     def until(self, path: str, found: Callable[[Any], Any], what: str) -> Any:
         end = time.monotonic() + DEADLINE_S
@@ -157,6 +130,21 @@ class Show:
 
     def point(self, name: str) -> dict[str, Any]:
         return next(each for each in self.client.get("/api/points") if each["name"] == name)
+
+    def places(self, found: Any) -> dict[str, dict[str, Any]]:
+        """Of a list of points, the position of each vehicle that has told one, by its name."""
+        names = {station["id"]: station["name"] for station in self.client.get("/api/stations")}
+        return {names[point["station"]]: point for point in found if "fix" in point}
+
+    def until_place(self, name: str, fits: Callable[[dict[str, Any]], bool], what: str) -> dict[str, Any]:
+        """A vehicle's place, as soon as it is so."""
+
+        def look(found: Any) -> dict[str, Any] | None:
+            place = self.places(found).get(name)
+            return place if place and fits(place) else None
+
+        place: dict[str, Any] = self.until("/api/points", look, what)
+        return place
 
 
 def environment() -> dict[str, str]:
@@ -241,29 +229,55 @@ def stations_are_up(show: Show) -> None:
 
 
 def vehicle_moves(show: Show) -> None:
-    """A vehicle is where it was, and moves; its track has a gap in the tunnel"""
-    names = {station["id"]: station["name"] for station in show.client.get("/api/stations")}
-    places = show.until(
-        "/api/points",
-        lambda found: (
-            places if len(places := [point for point in found if "fix" in point]) >= len(WAYS) - 1 else None
-        ),
-        "a position of each vehicle that is there",
+    """Each vehicle has a place, and moves, whatever its receiver's whim"""
+    sure = set(WAYS) - UNSURE
+
+    def all_good(found: Any) -> dict[str, dict[str, Any]]:
+        places = show.places(found)
+        good = {name for name, place in places.items() if place["quality"] == 0}
+        return places if good >= sure else {}
+
+    first = show.until("/api/points", all_good, "a good position of each vehicle that can have one")
+    for name in sorted(sure):
+        before = first[name]["longitude"]
+        moved = show.until_place(
+            name, lambda place, before=before: place["longitude"] != before, f"{name} moves"
+        )
+        whim = show.fleet[name].whim.name.lower().replace("_", " ")
+        say(f"     {name:20}  {moved['latitude']:10.5f}, {moved['longitude']:10.5f}  {whim}")
+
+
+def tunnel(show: Show) -> None:
+    """A vehicle loses its fix in a tunnel: its last place stays, invalid; then it comes back"""
+    show.until_place(TUNNELS, lambda place: place["quality"] == 0, f"{TUNNELS} knows its place")
+    show.fleet[TUNNELS].tunnel.set()
+    lost = show.until_place(
+        TUNNELS, lambda place: bool(place["quality"] & INVALID) and place["fix"] == 0, "it has lost its fix"
     )
-    first = next(place for place in places if names[place["station"]] == "Beograd-Novi Sad")
-    moved = show.until(
-        "/api/points",
-        lambda found: next(
-            (each for each in found if each["id"] == first["id"] and each["longitude"] != first["longitude"]),
-            None,
-        ),
-        "it moves",
-    )
-    say(f"     {names[first['station']]}  {moved['latitude']:.5f}, {moved['longitude']:.5f}")
-    mountains = next(place for place in places if names[place["station"]] == TUNNELS)
-    path = f"/api/tracks?point={mountains['id']}"
+    say(f"     lost         {lost['latitude']:.5f}, {lost['longitude']:.5f} is invalid")
+    show.fleet[TUNNELS].tunnel.clear()
+    found = show.until_place(TUNNELS, lambda place: place["quality"] == 0, "it has found a fix")
+    say(f"     found        {found['latitude']:.5f}, {found['longitude']:.5f}")
+    if abs(lost["latitude"] - found["latitude"]) + abs(lost["longitude"] - found["longitude"]) > 0.1:
+        raise NotSeenError("the place that is invalid is not the last one", expected="its last place")
+    path = f"/api/tracks?point={found['id']}"
     ways = show.until(path, lambda found: found["features"][1:] and found["features"], "a track with a gap")
-    say(f"     {TUNNELS}  {len(ways)} segments")
+    say(f"     track        {len(ways)} segments")
+
+
+def clocks(show: Show) -> None:
+    """Receivers with a wrong clock or date: their vehicles go on, at the right time"""
+    for name, counter in COUNTED.items():
+        gateway = show.fleet[name].gateway
+        gateway.wait_for(lambda of=gateway, what=counter: of.query("gps")[0][what] > 0, DEADLINE_S, counter)
+        before = show.until_place(name, lambda place: place["quality"] == 0, f"the place of {name}")
+        after = show.until_place(
+            name, lambda place, at=before["at"]: place["quality"] == 0 and place["at"] > at, f"{name} goes on"
+        )
+        late_s = time.time() - after["at"] / 1000
+        if abs(late_s) > TIMELY_S:
+            raise NotSeenError(f"{name} is {late_s:.0f} s late", expected="the time of its fix")
+        say(f"     {name:20}  {counter.replace('_', ' ')}: {gateway.query('gps')[0][counter]}")
 
 
 def command(show: Show) -> None:
@@ -295,7 +309,7 @@ def unplugged(show: Show) -> None:
     say("     ended        the device answers again")
 
 
-STEPS = (stations_are_up, vehicle_moves, command, unplugged)
+STEPS = (stations_are_up, vehicle_moves, tunnel, clocks, command, unplugged)
 
 
 # ---- the whole -----------------------------------------------------------------------------------
@@ -320,8 +334,15 @@ def show(port: int, keep: bool, verdict: Verdict) -> None:
     say("OpenRTU: a control centre with 18 vehicles and two gateways")
     with contextlib.ExitStack() as stack, verdict.watched():
         stack.callback(remove, directory)
-        taken = stack.enter_context(vehicles())
-        stations = [described(name, taken[name], [1], group="vehicles", clock_s=3600) for name in WAYS]
+        fleet = stack.enter_context(vehicles(verdict))
+        stations = [
+            described(
+                name, each.port, [CA], group="vehicles", clock_s=3600, points=f"{each.gateway.config_file}"
+            )
+            for name, each in fleet.items()
+        ]
+        unheard = stack.enter_context(unheard_port())
+        stations.append(described(ABSENT, unheard, [CA], group="vehicles"))
         ended = threading.Event()
         first = None
         for number, (name, (latitude, longitude, group)) in enumerate(PLANTS.items()):
@@ -342,7 +363,7 @@ def show(port: int, keep: bool, verdict: Verdict) -> None:
             verdict.expected = f"step {number}: {step.__doc__}"
             say()
             say(f"{number:2d}. {step.__doc__}")
-            step(Show(client, first))
+            step(Show(client, first, fleet))
         say()
         say(f"All {len(STEPS)} steps succeeded.")
         if keep:

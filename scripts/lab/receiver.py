@@ -24,20 +24,32 @@ def angle(degrees: float, digits: int, hemispheres: str) -> str:
 
 
 def burst(
-    at: datetime.datetime, latitude: float, longitude: float, method: int = 1, speed_knots: float = 0.0
+    at: datetime.datetime,
+    latitude: float,
+    longitude: float,
+    *,
+    method: int = 1,
+    speed_knots: float = 0.0,
+    course: float = 90.0,
+    altitude_m: float = 137.2,
+    satellites: int = 7,
+    rmc_ms: int = 0,
 ) -> bytes:
-    """GGA, GSA, GSV and RMC of one moment. Method 0: no fix."""
+    """GGA, GSA, GSV and RMC of one moment, RMC some ms later. Method 0: no fix. satellites: as GGA says."""
     time = f"{at:%H%M%S.%f}"[:-4]
+    later = at + datetime.timedelta(milliseconds=rmc_ms)
     place = f"{angle(latitude, 2, 'NS')},{angle(longitude, 3, 'EW')}" if method else ",,,"
-    found = f"{place},{method},07,1.2,137.2,M,39.1,M,," if method else f"{place},0,00,,,M,,M,,"
-    moving = f"A,{place},{speed_knots:.1f},090.0" if method else f"V,{place},,"
+    found = f"{place},{method},{satellites:02d},1.2,{altitude_m:.1f},M,39.1,M,,"
+    if not method:
+        found = f"{place},0,00,,,M,,M,,"
+    moving = f"A,{place},{speed_knots:.1f},{course:05.1f}" if method else f"V,{place},,"
     return b"".join(
         sentence(body)
         for body in (
             f"GPGGA,{time},{found}",
             f"GPGSA,A,{3 if method else 1},04,05,09,12,24,25,29,,,,,,1.8,1.2,1.3",
             "GPGSV,1,1,04,04,77,045,42,05,30,180,38,09,10,270,,12,05,359,25",
-            f"GPRMC,{time},{moving},{at:%d%m%y},,",
+            f"GPRMC,{later:%H%M%S.%f}"[:-4] + f",{moving},{later:%d%m%y},,",
         )
     )
 

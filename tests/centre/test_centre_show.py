@@ -28,4 +28,5 @@ def test_all_of_it_is_seen(programs: Path) -> None:
     assert (show.returncode, show.stderr) == (0, "")
     assert re.search(r"user operator, password \S+ \(of this run only\)", show.stdout)
     assert re.search(r"connected +19; not: ", show.stdout)
+    assert re.search(r"lost +45\.\d+, \d\.\d+ is invalid\n +found +45\.\d+, \d\.\d+\n", show.stdout)
     assert f"All {len(STEPS)} steps succeeded." in show.stdout
