@@ -296,7 +296,11 @@ def test_hung_module_is_invalid_and_is_started_again(plant: Plant) -> None:
 )
 def test_flood_reaches_nobody_else(plant: Plant, deed: str) -> None:
     before = {name: plant.restarts(name) for name in ("rtu-iec104", "tank", "pump", "smooth")}
-    plant.do(deed)
+    if deed == "flood-log":
+        plant.say("wild", do=deed)
+        plant.wait_log(" lines are left out: it wrote too many at once")
+    else:
+        plant.do(deed)
     plant.say("tank", value=50)
     plant.wait_point("pump", "off")
     objects = {(r.ca, r.ioa): r.value for r in plant.master.interrogate_all(*STATIONS)}

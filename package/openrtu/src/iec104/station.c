@@ -33,7 +33,7 @@ void iec104_station_init(struct iec104_station *station, struct map *map, int64_
 	station->settings = settings;
 	station->next_serial = 0;
 	station->now_ns = 0;
-	station->lines = (struct channel_lines){0};
+	station->lines = (struct map_lines){0};
 	for (unsigned i = 0; i < IEC104_CONNECTIONS_MAX; i++)
 		station->connections[i].open = false;
 	for (unsigned i = 0; i < IEC104_OPEN_REQUESTS_MAX; i++)

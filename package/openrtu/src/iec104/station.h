@@ -200,8 +200,8 @@ struct iec104_station {
 	bool *new_stations;
 	bool new_to_tell; /* nobody has been told of these */
 
-	int64_t now_ns;             /* of the last call that had it */
-	struct channel_lines lines; /* of the log, about peers */
+	int64_t now_ns;         /* of the last call that had it */
+	struct map_lines lines; /* of the log, about peers */
 };
 
 /*

@@ -169,13 +169,14 @@ static void serve_rtud(void)
 	struct map_log_line line;
 	struct map_module module;
 	struct map_counter counter;
-	uint32_t position = next_word();
+	uint32_t position = next_word(), lost = 0;
 
 	map_bell_clear(rtud);
 	CHECK(!map_request_next(rtud, &request));
 	map_module(rtud, sets[1].module, &module);
 	CHECK(strcmp(module.name, WILD) == 0);
-	for (int i = 0; i < SMALL_RINGS + 1 && map_log_next(rtud, sets[1].module, &position, &line); i++)
+	for (int i = 0; i < SMALL_RINGS + 1 && map_log_next(rtud, sets[1].module, &position, &line, &lost);
+	     i++)
 		CHECK(memchr(line.text, '\0', sizeof(line.text)) != NULL && line.time_ns <= map_now_ns());
 	for (uint32_t i = 0; i < modules[sets[1].module].counters + 1; i++)
 		if (map_counter(rtud, sets[1].module, i, &counter))

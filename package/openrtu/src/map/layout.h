@@ -9,7 +9,9 @@
 #define OPENRTU_MAP_LAYOUT_H
 
 #include "map/latch.h"
+#include "map/lines.h"
 #include "map/map.h"
+#include "map/repeats.h"
 #include "map/ring.h"
 #include "map/station.h"
 #include "map/type.h"
@@ -229,7 +231,9 @@ struct map {
 	map_modules refused;                /* modules of which the log has a request that it may not make */
 	uint32_t covers;                    /* own points that are forced */
 	uint32_t forces_seen;               /* sequence of rtud's table that the covers follow */
-	uint32_t load; /* what others have given this module to do in this period, in records */
+	uint32_t load;               /* what others have given this module to do in this period, in records */
+	struct map_lines lines;      /* of the own log */
+	struct map_repeats withheld; /* of them, as the log says it */
 };
 
 uint32_t layout_fingerprint(void);
@@ -302,6 +306,9 @@ uint32_t now_ms(void);
 uint32_t now_s(void);
 /* Whether a time in another's segment can be true. One that lies ahead would overflow sums, and pass later events. */
 bool is_past(const struct map *map, int64_t time_ns);
+
+/* Lines of the own log that were left out are said, when it is time. */
+void log_say_withheld(struct map *map, int64_t now_ns);
 
 /* What attaching as an owner repairs after a former generation. */
 void points_recover(struct map *map);

@@ -573,11 +573,19 @@ struct map_log_line {
 	char text[MAP_LOG_TEXT_SIZE];
 };
 
+/* Of a module's lines: more at once are left out, and counted in a line. Less than a log keeps. */
+#define MAP_LOG_AT_ONCE   120
+#define MAP_LOG_PERIOD_NS (200 * NS_PER_MS)
+
 /* Writes a line to the own log ring; rtud prints it. Longer text is cut. */
 void map_log(struct map *map, enum map_log_level level, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
-/* The next line of a module's log behind *position, without control characters; skips what was overwritten. */
-bool map_log_next(const struct map *map, uint32_t module, uint32_t *position, struct map_log_line *out);
+/*
+ * The next line of a module's log behind *position, without control characters. *lost grows by the lines that were overwritten
+ * before it, which are skipped.
+ */
+bool map_log_next(const struct map *map, uint32_t module, uint32_t *position, struct map_log_line *out,
+		  uint32_t *lost);
 
 /* ---- a module's own section --------------------------------------------------------------- */
 

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Module states, the clock, the log, counters: the parts of the map that are plain words. */
+#include <inttypes.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
@@ -195,16 +196,55 @@ void map_clock_write(struct map *map, struct map_clock clock)
 
 /* ---- log --------------------------------------------------------------------------------- */
 
-void map_log(struct map *map, enum map_log_level level, const char *format, ...)
+static const struct map_pace log_pace = {MAP_LOG_PERIOD_NS, MAP_LOG_AT_ONCE};
+
+static void put_line(struct map *map, enum map_log_level level, int64_t now_ns, const char *format,
+		     va_list arguments)
 {
-	struct map_log_line line = {.time_ns = map_now_ns(), .level = (uint8_t)level};
+	struct map_log_line line = {.time_ns = now_ns, .level = (uint8_t)level};
+
+	vsnprintf(line.text, sizeof(line.text), format, arguments);
+	ring_put(&map->segments[map->self].log, &line);
+	bell_ring(map, MAP_RTUD);
+}
+
+__attribute__((format(printf, 4, 5))) static void put(struct map *map, enum map_log_level level,
+						      int64_t now_ns, const char *format, ...)
+{
 	va_list arguments;
 
 	va_start(arguments, format);
-	vsnprintf(line.text, sizeof(line.text), format, arguments);
+	put_line(map, level, now_ns, format, arguments);
 	va_end(arguments);
-	ring_put(&map->segments[map->self].log, &line);
-	bell_ring(map, MAP_RTUD);
+}
+
+void log_say_withheld(struct map *map, int64_t now_ns)
+{
+	uint32_t times;
+
+	if (!map_lines_room(&map->lines, log_pace, now_ns))
+		return;
+	if (map->lines.withheld > 0)
+		times = map_repeats_happened(&map->withheld, map->lines.withheld, now_ns);
+	else
+		times = map_repeats_due(&map->withheld, now_ns);
+	map->lines.withheld = 0;
+	if (times > 0)
+		put(map, MAP_LOG_WARNING, now_ns, "%" PRIu32 " lines are left out: it wrote too many at once",
+		    times);
+}
+
+void map_log(struct map *map, enum map_log_level level, const char *format, ...)
+{
+	const int64_t now_ns = map_now_ns();
+	va_list arguments;
+
+	log_say_withheld(map, now_ns);
+	if (!map_lines_take(&map->lines, log_pace, now_ns))
+		return;
+	va_start(arguments, format);
+	put_line(map, level, now_ns, format, arguments);
+	va_end(arguments);
 }
 
 /* A module gone wild shall not forge other modules' lines, nor speak to the reader's terminal. text: size octets. */
@@ -216,11 +256,10 @@ static void make_printable(char *text, size_t size)
 			*text = '?';
 }
 
-bool map_log_next(const struct map *map, uint32_t module, uint32_t *position, struct map_log_line *out)
+bool map_log_next(const struct map *map, uint32_t module, uint32_t *position, struct map_log_line *out,
+		  uint32_t *lost)
 {
-	uint32_t lost = 0;
-
-	if (!ring_peek(&map->segments[module].log, position, out, &lost))
+	if (!ring_peek(&map->segments[module].log, position, out, lost))
 		return false;
 	*position += 1;
 	make_printable(out->text, sizeof(out->text));

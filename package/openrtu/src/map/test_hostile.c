@@ -262,10 +262,10 @@ static void read_all(struct map *map)
 	for (uint32_t i = 0; i < map_module_count(map); i++) {
 		struct map_module module;
 		struct map_log_line line;
-		uint32_t position = 0;
+		uint32_t position = 0, lost = 0;
 
 		map_module(map, i, &module);
-		while (map_log_next(map, i, &position, &line))
+		while (map_log_next(map, i, &position, &line, &lost))
 			assert_true(memchr(line.text, 0, sizeof(line.text)) && is_past(map, line.time_ns));
 	}
 }

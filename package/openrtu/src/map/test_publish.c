@@ -251,16 +251,72 @@ static void test_the_log_is_read_line_by_line(void **state)
 	struct stage *stage = *state;
 	struct map *module = start(stage, FIRST);
 	struct map_log_line line;
-	uint32_t position = 0;
+	uint32_t position = 0, lost = 0;
 
 	map_log(module, MAP_LOG_WARNING, "device %d is dead", 67);
-	assert_true(map_log_next(stage->rtud, index_of(stage, FIRST), &position, &line));
+	assert_true(map_log_next(stage->rtud, index_of(stage, FIRST), &position, &line, &lost));
 	assert_string_equal(line.text, "device 67 is dead");
 	assert_int_equal(line.level, MAP_LOG_WARNING);
-	assert_false(map_log_next(stage->rtud, index_of(stage, FIRST), &position, &line));
+	assert_false(map_log_next(stage->rtud, index_of(stage, FIRST), &position, &line, &lost));
 	map_log(module, MAP_LOG_ERROR, "x\n2026-01-01 rtud error: forged \x1b[2J\x7f \xc4\x8d");
-	assert_true(map_log_next(stage->rtud, index_of(stage, FIRST), &position, &line));
+	assert_true(map_log_next(stage->rtud, index_of(stage, FIRST), &position, &line, &lost));
 	assert_string_equal(line.text, "x?2026-01-01 rtud error: forged ?[2J? \xc4\x8d");
+	map_detach(module);
+}
+
+static uint32_t read_all(const struct map *rtud, uint32_t module, uint32_t *position, char *text)
+{
+	struct map_log_line line;
+	uint32_t lines = 0, lost = 0;
+
+	for (; map_log_next(rtud, module, position, &line, &lost); lines++)
+		snprintf(text, MAP_LOG_TEXT_SIZE, "%s", line.text);
+	assert_int_equal(lost, 0);
+	return lines;
+}
+
+/* What a module leaves out of its log, it counts, and tells by itself when there is room again. */
+static void test_a_flood_in_the_log_is_limited_and_counted(void **state)
+{
+	enum { FLOOD = 5000 };
+	struct stage *stage = *state;
+	struct map *module = start(stage, FIRST);
+	const uint32_t index = index_of(stage, FIRST);
+	const int64_t begun_ns = map_now_ns();
+	uint32_t position = 0, lines = 0, told = 0, left_out = 0;
+	char text[MAP_LOG_TEXT_SIZE] = "";
+
+	for (int i = 0; i < FLOOD; i++) {
+		map_log(module, MAP_LOG_INFO, "again");
+		lines += read_all(stage->rtud, index, &position, text);
+	}
+	assert_in_range(lines, MAP_LOG_AT_ONCE,
+			MAP_LOG_AT_ONCE + 2 + (map_now_ns() - begun_ns) / MAP_LOG_PERIOD_NS);
+	while (told == 0) { /* a busy host may have told of some of them before */
+		map_heartbeat_at(module, begun_ns + S_PER_HOUR * NS_PER_S);
+		told = read_all(stage->rtud, index, &position, text);
+	}
+	assert_int_equal(sscanf(text, "%u lines are left out", &left_out), 1);
+	assert_in_range(left_out, 1, FLOOD);
+	map_detach(module);
+}
+
+/* A reader that comes late, or a writer that keeps no pace: what was overwritten is counted. */
+static void test_lost_lines_of_the_log_are_counted(void **state)
+{
+	struct stage *stage = *state;
+	struct map *module = start(stage, FIRST);
+	const uint32_t index = index_of(stage, FIRST);
+	const struct ring *ring = &module->segments[module->self].log;
+	struct map_log_line line = {.time_ns = map_now_ns(), .text = "wild"};
+	uint32_t position = 0, lost = 0;
+
+	for (uint32_t i = 0; i < 3 * ring->capacity; i++)
+		ring_put(ring, &line);
+	assert_true(map_log_next(stage->rtud, index, &position, &line, &lost));
+	assert_int_equal(lost, 2 * ring->capacity + 1);
+	assert_true(map_log_next(stage->rtud, index, &position, &line, &lost));
+	assert_int_equal(lost, 2 * ring->capacity + 1);
 	map_detach(module);
 }
 
@@ -342,6 +398,8 @@ int main(void)
 	    cmocka_unit_test(test_durations_are_counted),
 	    TEST(test_a_module_without_scans),
 	    TEST(test_the_log_is_read_line_by_line),
+	    TEST(test_a_flood_in_the_log_is_limited_and_counted),
+	    TEST(test_lost_lines_of_the_log_are_counted),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

@@ -79,8 +79,9 @@ static void beat_after(struct late *late, int64_t ms)
 static void assert_said(struct late *late, const char *expected)
 {
 	struct map_log_line line;
+	uint32_t lost = 0;
 
-	assert_true(map_log_next(late->map, map_self(late->map), &late->position, &line));
+	assert_true(map_log_next(late->map, map_self(late->map), &late->position, &line, &lost));
 	assert_int_equal(line.level, MAP_LOG_WARNING);
 	assert_string_equal(line.text, expected);
 }
@@ -88,8 +89,9 @@ static void assert_said(struct late *late, const char *expected)
 static void assert_said_nothing(struct late *late)
 {
 	struct map_log_line line;
+	uint32_t lost = 0;
 
-	assert_false(map_log_next(late->map, map_self(late->map), &late->position, &line));
+	assert_false(map_log_next(late->map, map_self(late->map), &late->position, &line, &lost));
 }
 
 static void end(struct late *late)

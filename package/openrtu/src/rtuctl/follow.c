@@ -89,20 +89,35 @@ static void report_lost(struct map_cursor *cursor)
 	cursor->lost = 0;
 }
 
+static void report_lost_lines(const struct map *map, uint32_t module, uint32_t lost)
+{
+	struct map_module description;
+
+	map_module(map, module, &description);
+	if (lost > 0)
+		fprintf(stderr, "rtuctl: %u lines of %s were overwritten before they were read\n", lost,
+			description.name);
+}
+
 /* Their warnings explain the events: points that turn invalid and back, a line that is given up. */
 static void follow_logs(const struct map *map, uint32_t positions[MAP_MODULES_MAX], bool shown, bool json)
 {
 	struct map_log_line line;
 
-	for (uint32_t module = 0; module < map_module_count(map); module++)
-		for (unsigned i = 0; i < LINES_A_LOOK && map_log_next(map, module, &positions[module], &line);
-		     i++)
+	for (uint32_t module = 0; module < map_module_count(map); module++) {
+		uint32_t lost = 0;
+
+		for (unsigned i = 0;
+		     i < LINES_A_LOOK && map_log_next(map, module, &positions[module], &line, &lost); i++)
 			if (shown && line.level <= MAP_LOG_WARNING) {
 				json_t *row = rows_log(map, module, &line);
 
 				json_object_set_new(row, "event", json_string("log"));
 				print_log_row(row, json);
 			}
+		if (shown)
+			report_lost_lines(map, module, lost);
+	}
 }
 
 int rtuctl_watch(struct map *map, const struct rtuctl_request *request)
@@ -182,9 +197,9 @@ static void read_logs(const struct map *map, struct log *log)
 	struct map_log_line line;
 
 	for (uint32_t module = 0; module < map_module_count(map); module++) {
-		uint32_t position = 0;
+		uint32_t position = 0, lost = 0; /* it was printed when it was there */
 
-		while (map_log_next(map, module, &position, &line))
+		while (map_log_next(map, module, &position, &line, &lost))
 			append(log, &line, module);
 	}
 }

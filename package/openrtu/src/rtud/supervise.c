@@ -62,16 +62,60 @@ static void print_line(const struct map *map, uint32_t module, const struct map_
 		line->level < 4 ? levels[line->level] : "?", line->text);
 }
 
-/* lines: of each module at most. One that writes faster loses lines, and fills neither the log nor rtud's time. */
-static void print_logs(struct supervisor *supervisor, unsigned lines)
+/* A module that keeps map_log's pace loses nothing. One gone wild loses lines, and fills neither the log nor rtud's time. */
+static const struct map_pace print_pace = {MAP_LOG_PERIOD_NS / 2, 2 * MAP_LOG_AT_ONCE};
+
+static void say_lost_lines(const struct supervisor *supervisor, uint32_t module, uint32_t times)
+{
+	struct map_module description;
+
+	map_module(supervisor->map, module, &description);
+	if (times > 0)
+		map_log(supervisor->map, MAP_LOG_WARNING,
+			"%u lines of %s were lost: it wrote too many at once", times, description.name);
+}
+
+static void print_log(struct supervisor *supervisor, uint32_t module, int64_t now_ns)
+{
+	struct log_reader *log = &supervisor->logs[module];
+	struct map_log_line line;
+	uint32_t lost = 0;
+
+	for (unsigned i = 0; i < LINES_A_TICK && map_lines_room(&log->lines, print_pace, now_ns) &&
+			     map_log_next(supervisor->map, module, &log->position, &line, &lost);
+	     i++) {
+		map_lines_take(&log->lines, print_pace, now_ns);
+		print_line(supervisor->map, module, &line);
+	}
+	say_lost_lines(supervisor, module,
+		       lost > 0 ? map_repeats_happened(&log->lost, lost, now_ns)
+				: map_repeats_due(&log->lost, now_ns));
+}
+
+/* rtud's own is the last, since it says what of the others was lost. */
+static void print_logs(struct supervisor *supervisor)
+{
+	const int64_t now_ns = map_now_ns();
+
+	for (uint32_t i = map_module_count(supervisor->map); i-- > 0;)
+		print_log(supervisor, i, now_ns);
+}
+
+/* All that is left, and lost. */
+static void print_last_lines(struct supervisor *supervisor)
 {
 	struct map_log_line line;
 
-	for (uint32_t i = 0; i < map_module_count(supervisor->map); i++)
+	for (uint32_t i = map_module_count(supervisor->map); i-- > 0;) {
+		struct log_reader *log = &supervisor->logs[i];
+		uint32_t lost = log->lost.unsaid;
+
 		for (unsigned printed = 0;
-		     printed < lines && map_log_next(supervisor->map, i, &supervisor->log_position[i], &line);
+		     printed < LINES_AT_END && map_log_next(supervisor->map, i, &log->position, &line, &lost);
 		     printed++)
 			print_line(supervisor->map, i, &line);
+		say_lost_lines(supervisor, i, lost);
+	}
 }
 
 /* ---- one module -------------------------------------------------------------------------- */
@@ -519,7 +563,7 @@ static void tick_passed(struct supervisor *supervisor)
 	const struct clock_reading system = clock_read(adjtimex);
 
 	clock_follow(supervisor->map, &system);
-	print_logs(supervisor, LINES_A_TICK);
+	print_logs(supervisor);
 	if (supervisor->watchdog >= 0)
 		watchdog_feed(supervisor->watchdog);
 }
@@ -688,7 +732,7 @@ int supervise(struct map_config *config, const struct supervise_options *options
 	if (supervisor.watchdog >= 0)
 		watchdog_stop(supervisor.watchdog);
 	map_log(supervisor.map, MAP_LOG_INFO, "stopped");
-	print_logs(&supervisor, LINES_AT_END);
+	print_last_lines(&supervisor);
 	map_remove(supervisor.map);
 	map_detach(supervisor.map);
 	return started ? 0 : 1;

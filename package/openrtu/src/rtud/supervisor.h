@@ -6,7 +6,9 @@
 #include <stdbool.h>
 #include <sys/types.h>
 
+#include "map/lines.h"
 #include "map/map.h"
+#include "map/repeats.h"
 #include "rtud/reload.h"
 #include "rtud/supervise.h"
 
@@ -26,11 +28,18 @@ struct child {
 	uint32_t pause_ms; /* before the next start; grows while it ends young */
 };
 
+/* What rtud prints of a module's log. */
+struct log_reader {
+	uint32_t position;
+	struct map_lines lines;
+	struct map_repeats lost;
+};
+
 struct supervisor {
 	const struct supervise_options *options;
 	struct map *map;
 	struct child children[MAP_MODULES_MAX];
-	uint32_t log_position[MAP_MODULES_MAX];
+	struct log_reader logs[MAP_MODULES_MAX];
 	int watchdog; /* descriptor; -1: none */
 	bool stopping;
 	bool filtered;         /* modules get filters of their system calls */

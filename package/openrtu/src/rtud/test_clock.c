@@ -73,8 +73,9 @@ static void step(int64_t ns)
 static bool was_logged(const char *text)
 {
 	struct map_log_line line;
+	uint32_t lost = 0;
 
-	while (map_log_next(rtud, MAP_RTUD, &log_position, &line))
+	while (map_log_next(rtud, MAP_RTUD, &log_position, &line, &lost))
 		if (strstr(line.text, text) != NULL)
 			return true;
 	return false;

@@ -46,7 +46,7 @@ static struct connection {
 
 static void say(enum map_log_level level, const char *peer, const char *text)
 {
-	static struct channel_lines lines;
+	static struct map_lines lines;
 
 	if (peer == NULL) {
 		map_log(map, level, "%s", text);

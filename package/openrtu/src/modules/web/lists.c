@@ -321,11 +321,11 @@ struct http_answer list_log(struct http_site *site, struct http_request *request
 	list->entries = calloc(most + 1, sizeof(*list->entries));
 	list->left = 0;
 	for (uint32_t module = 0; list->entries != NULL && module < map_module_count(site->map); module++) {
-		uint32_t position = 0, lines = 0;
+		uint32_t position = 0, lines = 0, lost = 0;
 
 		entry.module = module;
 		while (most > 0 && lines++ < LINES_A_LOOK &&
-		       map_log_next(site->map, module, &position, &entry.line)) {
+		       map_log_next(site->map, module, &position, &entry.line, &lost)) {
 			list->left = put_entry(list->entries, list->left, most, &entry);
 			total++;
 		}
