@@ -22,6 +22,7 @@ from lab.gateway import REPOSITORY, Gateway, free_port, listening_on, remove, ru
 from lab.master import Master
 from lab.receiver import Receiver, burst, sentence
 from peers.gpsd import gpsd_daemon
+from peers.hangs_up import hangs_up
 
 CA = 7001
 LATITUDE, LONGITUDE, ALTITUDE, SPEED, COURSE, HDOP, ERROR, FIX, SATELLITES, IN_DEPOT = (*range(1, 10), 101)
@@ -293,6 +294,22 @@ def test_unknown_receiver_is_said(drive: Drive) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.slow
+def test_gpsd_that_hangs_up_is_no_flood_in_the_log(programs: Path, directory: Path) -> None:
+    """It is tried less and less often; a line of the log counts several failures."""
+    with hangs_up() as gpsd:
+        source = {"gpsd": "127.0.0.1", "gpsd_port": gpsd.port}
+        with Gateway(config(source), directory, programs) as gateway:
+            gateway.wait_for(lambda: gpsd.connections >= 5, 60.0, "it was tried five times")
+            lines = [line for line in gateway.log(1000).splitlines() if f"port {gpsd.port}" in line]
+            assert len(lines) < gpsd.connections, lines
+            assert [line.split(f"port {gpsd.port} ")[1] for line in lines[:2]] == [
+                "is open",
+                "hung up; trying again in 1 s",
+            ]
+            assert gateway.query("gps")[0]["failures"] >= 4
+
+
 def test_receiver_behind_gpsd(programs: Path, directory: Path, gpsd: Path) -> None:
     """Debian's gpsd says what the receiver said; when it ends, the position is old."""
     with gpsd_daemon(gpsd) as daemon:

@@ -19,6 +19,7 @@ import pytest
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.master import Master
 from lab.raw_master import RawMaster
+from peers.hangs_up import hangs_up
 from peers.outstation import (
     ACT_CON,
     CLOCK,
@@ -828,6 +829,17 @@ def test_slow_and_dead_stations_reach_no_other(gateway: Run, town: Outstation) -
             wait_value(one, "level", value)
         assert {p["quality"] for p in one.points("other*").values()} == {"invalid"}
         assert commanded(one, "set", "other0-900.1", "on")["result"] == "not commandable"
+
+
+@pytest.mark.parametrize("answer", [b"", bytes.fromhex("68040b000000")], ids=["at once", "once started"])
+def test_station_that_hangs_up_is_no_flood_in_the_log(gateway: Run, answer: bytes) -> None:
+    """A line counts many failures, and the points are said to be invalid no more than once."""
+    with hangs_up(answer) as host:
+        one = gateway(outstation(host.port))
+        one.wait_for(lambda: host.connections >= 16, 60.0, "it is tried again and again")
+        lines = [line.partition("town: ")[2] for line in one.log(1000).splitlines() if "town: " in line]
+        assert 1 <= len(lines) < host.connections / 2, lines
+        assert any(re.fullmatch(r"127\.0\.0\.1 .*; trying again in 50 ms", line) for line in lines)
 
 
 def test_our_own_station(gateway: Run, town: Outstation) -> None:

@@ -333,23 +333,19 @@ static void close_connection(struct centre_station *station)
 /* The connection is over, or there was none: again later, and later each time. */
 static void go_down(struct centre_station *station, uint8_t reason, int error)
 {
-	const struct centre_config *config = station->centre->config;
-	int64_t now_ns = station->centre->now.monotonic_ns;
+	int64_t now_ns = station->centre->now.monotonic_ns, pause_ns;
 	bool waited = station->waits;
 
-	if ((station->link == CENTRE_UP || station->link == CENTRE_STANDBY) &&
-	    now_ns - station->up_ns >= station->retry_ns) {
-		station->retry_ns = config->retry_ns;
-		station->failed = false;
-	} else {
-		station->failed = true;
-	}
+	station->failed = (station->link != CENTRE_UP && station->link != CENTRE_STANDBY) ||
+			  !retry_has_lasted(&station->retry, now_ns);
+	if (!station->failed)
+		retry_was_useful(&station->retry);
+	pause_ns = retry_failed(&station->retry);
 	close_connection(station);
 	station->waits = waited; /* it is still in the window's queue */
 	station->link = CENTRE_WAITING;
-	station->due_ns = now_ns + station->retry_ns;
-	say_link(station, CENTRE_DOWN, reason, error, station->retry_ns);
-	station->retry_ns = earlier(2 * station->retry_ns, config->retry_max_ns);
+	station->due_ns = now_ns + pause_ns;
+	say_link(station, CENTRE_DOWN, reason, error, pause_ns);
 }
 
 static void start(struct centre_station *station)
@@ -429,7 +425,7 @@ static void open_session(struct centre_station *station)
 		return;
 	}
 	station->link = CENTRE_STANDBY;
-	station->up_ns = station->centre->now.monotonic_ns;
+	retry_opened(&station->retry, station->centre->now.monotonic_ns);
 	say_link(station, CENTRE_STANDBY, 0, 0, 0);
 }
 
@@ -523,10 +519,10 @@ static void receive(struct centre_station *station)
 static void become_up(struct centre_station *station)
 {
 	station->link = CENTRE_UP;
-	station->up_ns = station->centre->now.monotonic_ns;
+	retry_opened(&station->retry, station->centre->now.monotonic_ns);
 	station->slow = false;
 	say_link(station, CENTRE_UP, 0, 0, 0);
-	iec104_polls_begin(station->polls, station->plan->poll_count, station->up_ns);
+	iec104_polls_begin(station->polls, station->plan->poll_count, station->centre->now.monotonic_ns);
 	station->due_ns = 0;
 }
 
@@ -808,7 +804,7 @@ void centre_stations_begin(struct centre *centre)
 		struct centre_station *station = &centre->stations[i];
 
 		station->due_ns = centre->now.monotonic_ns;
-		station->retry_ns = centre->config->retry_ns;
+		station->retry = retry_begin(centre->config->retry_ns, centre->config->retry_max_ns);
 		station->failed = station->slow = station->waits = false;
 		station->traced = station->gap = false;
 		schedule(station);

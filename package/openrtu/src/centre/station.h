@@ -10,6 +10,7 @@
 #include "centre/config.h"
 #include "centre/deadlines.h"
 #include "centre/window.h"
+#include "channel/retry.h"
 #include "iec104/octets.h"
 
 /* Beside a record for each octet of its input: the ends of its requests, its link. */
@@ -49,8 +50,7 @@ struct centre_station {
 	int64_t place_until_ns;
 	int64_t
 	    due_ns; /* the next attempt; while connecting, the last moment for it; up, the next poll at the earliest */
-	int64_t retry_ns;
-	int64_t up_ns;
+	struct retry retry;
 	uint16_t unwritten; /* octets of its session, at the last writing */
 	uint32_t poll;      /* the request that is one */
 	struct centre_order orders[IEC104_CONTROLLING_REQUESTS_MAX];

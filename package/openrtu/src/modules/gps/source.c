@@ -11,7 +11,6 @@
 #include "modules/serial.h"
 #include "modules/tcp.h"
 
-#define REOPEN_NS     NS_PER_S
 #define CONNECT_NS    (3 * NS_PER_S)
 #define READ_SIZE     512
 #define READS_A_CYCLE 16
@@ -27,7 +26,11 @@ static bool is_gpsd(const struct source *source)
 void source_init(struct source *source, struct map *map, const struct gps_settings *settings,
 		 struct gps_stats *stats, const char *directory, int32_t built_days)
 {
-	*source = (struct source){.map = map, .settings = settings, .stats = stats, .fd = -1};
+	*source = (struct source){.map = map,
+				  .settings = settings,
+				  .stats = stats,
+				  .fd = -1,
+				  .attempts = attempts_begin(ATTEMPTS_FIRST_NS, ATTEMPTS_MOST_NS)};
 	if (settings->device[0] == '/')
 		snprintf(source->path, sizeof(source->path), "%s", settings->device);
 	else if (!is_gpsd(source))
@@ -52,24 +55,54 @@ void source_close(struct source *source)
 	atomic_store(&source->stats->open, 0);
 }
 
-/* Said once, until it is open again. */
-static void lose(struct source *source, const char *error, int64_t now_ns)
+/* hint: what to do about it, or nothing. */
+static void lose_with_hint(struct source *source, const char *error, const char *hint, int64_t now_ns)
 {
+	const bool said = attempts_failed(&source->attempts, error, now_ns);
+	char text[ATTEMPTS_TEXT_SIZE];
+
 	source_close(source);
-	if (!source->failing)
-		map_log(source->map, MAP_LOG_ERROR, "%s: %s %s; trying again each second",
-			source->settings->name, source->path, error);
-	source->failing = true;
-	source->due_ns = now_ns + REOPEN_NS;
+	source->due_ns = now_ns + source->attempts.pause_ns;
 	map_count(&source->stats->failures, 1);
+	if (!said)
+		return;
+	map_log(source->map, MAP_LOG_ERROR, "%s: %s %s%s", source->settings->name, source->path, error,
+		attempts_failure(&source->attempts, now_ns, text));
+	if (source->attempts.failures == 1 && hint[0] != '\0')
+		map_log(source->map, MAP_LOG_ERROR, "%s: %s", source->settings->name, hint);
 }
 
-static void note_open(struct source *source)
+static void lose(struct source *source, const char *error, int64_t now_ns)
 {
-	source->failing = false;
+	lose_with_hint(source, error, "", now_ns);
+}
+
+static void say_open(const struct source *source, const char *again)
+{
+	map_log(source->map, MAP_LOG_INFO, "%s: %s is open%s", source->settings->name, source->path, again);
+}
+
+static void note_open(struct source *source, int64_t now_ns)
+{
 	source->connecting = false;
+	source->told = false;
+	retry_opened(&source->attempts.retry, now_ns);
 	atomic_store(&source->stats->open, 1);
-	map_log(source->map, MAP_LOG_INFO, "%s: %s is open", source->settings->name, source->path);
+	if (!source->attempts.failing)
+		say_open(source, "");
+}
+
+/* It told a position, or has lasted. */
+static void note_use(struct source *source, int64_t now_ns)
+{
+	char text[ATTEMPTS_TEXT_SIZE];
+
+	if (source->fd < 0 || source->connecting ||
+	    (!source->told && !retry_has_lasted(&source->attempts.retry, now_ns)))
+		return;
+	retry_was_useful(&source->attempts.retry);
+	if (attempts_useful(&source->attempts, now_ns))
+		say_open(source, attempts_success(&source->attempts, now_ns, text));
 }
 
 /* ---- opening ----------------------------------------------------------------------------- */
@@ -78,16 +111,13 @@ static void open_serial(struct source *source, int64_t now_ns)
 {
 	const struct serial_settings line = {.baud = source->settings->baud, .stop_bits = STOP_BITS};
 	char error[SERIAL_ERROR_SIZE], hint[SERIAL_HINT_SIZE];
-	bool carries_parity, failing = source->failing;
+	bool carries_parity;
 
 	source->fd = serial_open(source->path, &line, &carries_parity, error, hint);
-	if (source->fd >= 0) {
-		note_open(source);
-		return;
-	}
-	lose(source, error, now_ns);
-	if (!failing && hint[0] != '\0')
-		map_log(source->map, MAP_LOG_ERROR, "%s: %s", source->settings->name, hint);
+	if (source->fd >= 0)
+		note_open(source, now_ns);
+	else
+		lose_with_hint(source, error, hint, now_ns);
 }
 
 static void begin_connection(struct source *source, int64_t now_ns)
@@ -110,7 +140,7 @@ static void ask_gpsd(struct source *source, int64_t now_ns)
 
 	gpsd_reader_init(&source->gpsd, source->gpsd.calendar.built_days);
 	if (write(source->fd, GPSD_WATCH, (size_t)size) == size)
-		note_open(source);
+		note_open(source, now_ns);
 	else
 		lose(source, "does not accept a request", now_ns);
 }
@@ -167,8 +197,11 @@ static void read_source(struct source *source, int64_t now_ns, source_fix *take,
 		struct gps_fix fix;
 
 		map_count(&source->stats->octets, (uint32_t)size);
-		while (next_fix(source, &bytes, &size, now_ns, &fix))
+		while (next_fix(source, &bytes, &size, now_ns, &fix)) {
+			source->told = true;
 			take(context, &fix);
+		}
+		note_use(source, now_ns);
 		if (length == 0 || (length < 0 && errno != EAGAIN && errno != EINTR))
 			lose(source, length == 0 ? "hung up" : strerror(errno), now_ns);
 		if (length < (ssize_t)sizeof(octets))
@@ -186,8 +219,11 @@ void source_run(struct source *source, int64_t now_ns, source_fix *take, void *c
 		(is_gpsd(source) ? begin_connection : open_serial)(source, now_ns);
 	if (source->fd >= 0 && !source->connecting)
 		read_source(source, now_ns, take, context);
-	if (!is_gpsd(source) && gps_receiver_run(&source->nmea, now_ns, &fix))
+	if (!is_gpsd(source) && gps_receiver_run(&source->nmea, now_ns, &fix)) {
+		source->told = source->fd >= 0;
 		take(context, &fix);
+	}
+	note_use(source, now_ns);
 	show_counters(source);
 }
 

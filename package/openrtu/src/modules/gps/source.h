@@ -6,6 +6,7 @@
 #ifndef OPENRTU_MODULES_GPS_SOURCE_H
 #define OPENRTU_MODULES_GPS_SOURCE_H
 
+#include "channel/attempts.h"
 #include "gps/config.h"
 #include "gps/gpsd.h"
 #include "gps/receiver.h"
@@ -20,8 +21,9 @@ struct source {
 	char path[SOURCE_PATH_SIZE];
 	int fd;          /* -1: closed */
 	bool connecting; /* to gpsd */
-	bool failing;    /* that has been said */
+	bool told;       /* a position, since it was opened */
 	int64_t due_ns;  /* when it is opened again, or the connection given up */
+	struct attempts attempts;
 	struct gps_receiver nmea;
 	struct gpsd_reader gpsd;
 };

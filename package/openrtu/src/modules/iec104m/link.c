@@ -22,7 +22,8 @@ bool link_init(struct link *link, const struct iec104_outstation *outstation, un
 	    .address = outstation->addresses[number],
 	    .channel = {.fd = -1},
 	    .security = {.certificate = outstation->certificate[0] != '\0' ? outstation->certificate : NULL},
-	    .retry_ns = outstation->retry_ms * NS_PER_MS};
+	    .attempts =
+		attempts_begin(outstation->retry_ms * NS_PER_MS, outstation->retry_max_ms * NS_PER_MS)};
 	link->memory = (struct iec104_memory){.sent_ns = calloc(outstation->k, sizeof(int64_t)),
 					      .input = link->input,
 					      .output = link->output,
@@ -36,25 +37,22 @@ static bool has_session(const struct link *link)
 	return link->state >= LINK_OPEN;
 }
 
-/* A connection that lasted longer than its pause begins anew with the first one. */
 static void go_down(struct link *link, const char *reason, int64_t now_ns)
 {
-	if (has_session(link) && now_ns - link->open_ns >= link->retry_ns)
-		link->retry_ns = link->outstation->retry_ms * NS_PER_MS;
+	link->to_be_said = attempts_failed(&link->attempts, reason, now_ns);
 	if (link->channel.fd >= 0)
 		channel_close(&link->channel);
 	link->channel.fd = -1;
 	link->state = LINK_DOWN;
 	link->failures++;
 	link->reason = reason;
-	link->due_ns = now_ns + link->retry_ns;
-	link->retry_ns = earlier(2 * link->retry_ns, link->outstation->retry_max_ms * NS_PER_MS);
+	link->due_ns = now_ns + link->attempts.pause_ns;
 }
 
 static void open_session(struct link *link, struct iec104_moment now)
 {
 	link->state = LINK_OPEN;
-	link->open_ns = now.monotonic_ns;
+	retry_opened(&link->attempts.retry, now.monotonic_ns);
 	iec104_controlling_open(&link->controlling, link->settings, link->listener, &link->memory, now);
 }
 
@@ -127,6 +125,9 @@ static void run_session(struct link *link, struct iec104_moment now)
 	iec104_controlling_run(&link->controlling, now);
 	if (link->state == LINK_STARTING && session->started)
 		link->state = LINK_STARTED;
+	/* Data transfer, or standing by, for longer than the pause before it: it is of use. */
+	if (link->state != LINK_STARTING && retry_has_lasted(&link->attempts.retry, now.monotonic_ns))
+		retry_was_useful(&link->attempts.retry);
 	if (!channel_keep(&link->channel, now.monotonic_ns))
 		iec104_session_close(session, IEC104_NOT_SECURE);
 	iec104_transmit(&link->channel, session);

@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * One connection to an outstation: made, lost, made again after a pause that doubles with each failure. It is open without
+ * One connection to an outstation: made, lost, made again (channel/attempts.h). It is open without
  * data transfer until its owner starts it; the session tests it meanwhile (t3).
  */
 #ifndef OPENRTU_MODULES_IEC104M_LINK_H
 #define OPENRTU_MODULES_IEC104M_LINK_H
 
+#include "channel/attempts.h"
 #include "iec104/controlling.h"
 #include "iec104/octets.h"
 #include "iec104/outstations.h"
@@ -25,11 +26,11 @@ struct link {
 	struct channel channel; /* its fd is -1: there is none */
 	struct channel_station security;
 	int64_t due_ns; /* down: the next attempt; connecting and securing: the last moment for it */
-	int64_t retry_ns;
-	int64_t open_ns;
+	struct attempts attempts;
 	bool pending;       /* octets have come that poll does not tell of */
 	uint32_t failures;  /* connections that ended or could not be made */
 	const char *reason; /* of the last */
+	bool to_be_said;    /* the last, in the log */
 	char error[TCP_ERROR_SIZE];
 	struct iec104_memory memory;
 	uint8_t input[LINK_INPUT_SIZE], output[LINK_OUTPUT_SIZE];

@@ -28,7 +28,8 @@ static struct values_moment moment_of(const struct outstation *outstation)
 static void doubt(struct outstation *outstation, uint16_t ca)
 {
 	iec104_polls_doubt(outstation->polls, outstation->poll_count, ca, outstation->now.monotonic_ns);
-	if (!outstation->doubted)
+	if (!outstation->doubted &&
+	    map_repeats_happened(&outstation->doubts, 1, outstation->now.monotonic_ns) > 0)
 		map_log(outstation->map, MAP_LOG_INFO,
 			"%s: CA %" PRIu16 " tells events of before its last interrogation: they go on, its "
 			"points stay, and it is interrogated again",
@@ -79,7 +80,8 @@ static void end_poll(struct outstation *outstation, const struct iec104_controll
 				    outstation->now.monotonic_ns);
 	if (request->type != IEC104_C_IC_NA_1)
 		return;
-	if (!done && !outstation->unanswered)
+	if (!done && !outstation->unanswered &&
+	    map_repeats_happened(&outstation->refusals, 1, outstation->now.monotonic_ns) > 0)
 		map_log(outstation->map, MAP_LOG_WARNING,
 			"%s: CA %" PRIu16 " %s the general interrogation, which is repeated",
 			outstation->config->name, request->ca,
@@ -202,15 +204,33 @@ static unsigned number_of(const struct outstation *outstation, const struct link
 	return (unsigned)(link - outstation->links) + 1;
 }
 
+static void say_use(const struct outstation *outstation, const struct link *link, const char *again)
+{
+	map_log(outstation->map, MAP_LOG_INFO, "%s: %s %s%s", outstation->config->name,
+		link == outstation->active ? "data transfer on" : "standing by on", link->address, again);
+}
+
+/* One that failed has data transfer, or has stood by for some time. */
+static void note_use(const struct outstation *outstation, struct link *link)
+{
+	const int64_t now_ns = outstation->now.monotonic_ns;
+	char text[ATTEMPTS_TEXT_SIZE];
+
+	if (link->state != LINK_STARTED &&
+	    !(link->state == LINK_OPEN && retry_has_lasted(&link->attempts.retry, now_ns)))
+		return;
+	if (attempts_useful(&link->attempts, now_ns))
+		say_use(outstation, link, attempts_success(&link->attempts, now_ns, text));
+}
+
 static void note_start(struct outstation *outstation)
 {
 	const struct link *link = outstation->active;
 
-	map_log(outstation->map, MAP_LOG_INFO, "%s: data transfer on %s", outstation->config->name,
-		link->address);
+	if (!link->attempts.failing)
+		say_use(outstation, link, "");
 	outstation->valid = true;
 	outstation->taken_over = false;
-	outstation->failing = false;
 	outstation->unanswered = false;
 	outstation->doubted = false;
 	outstation->valid_until_ns = INT64_MAX;
@@ -221,14 +241,14 @@ static void note_start(struct outstation *outstation)
 	map_count(&outstation->stats->starts, 1);
 }
 
-/* Said once, until there is data transfer again. */
-static void say_failure(struct outstation *outstation, const struct link *link)
+static void say_failure(const struct outstation *outstation, const struct link *link)
 {
-	if (outstation->failing && link != outstation->active)
-		return;
-	map_log(outstation->map, MAP_LOG_WARNING, "%s: %s %s", outstation->config->name, link->address,
-		link->reason);
-	outstation->failing = true;
+	char text[ATTEMPTS_TEXT_SIZE];
+
+	if (link->to_be_said)
+		map_log(outstation->map, MAP_LOG_WARNING, "%s: %s %s%s", outstation->config->name,
+			link->address, link->reason,
+			attempts_failure(&link->attempts, outstation->now.monotonic_ns, text));
 }
 
 static void invalidate(struct outstation *outstation)
@@ -236,7 +256,9 @@ static void invalidate(struct outstation *outstation)
 	outstation->valid = outstation->taken_over = false;
 	outstation->valid_until_ns = INT64_MAX;
 	values_invalidate(&outstation->values, outstation->now.monotonic_ns);
-	map_log(outstation->map, MAP_LOG_WARNING, "%s: its points are invalid", outstation->config->name);
+	if (map_repeats_happened(&outstation->invalid, 1, outstation->now.monotonic_ns) > 0)
+		map_log(outstation->map, MAP_LOG_WARNING, "%s: its points are invalid",
+			outstation->config->name);
 }
 
 /* The points stay as they are while another link takes over, for t1 at most. */
@@ -266,6 +288,7 @@ static void run_link(struct outstation *outstation, struct link *link)
 		map_count(&outstation->stats->unknown, link->controlling.unknown_types - unknown);
 	if (before != LINK_STARTED && link->state == LINK_STARTED)
 		note_start(outstation);
+	note_use(outstation, link);
 	if (link->failures != failures)
 		lose(outstation, link);
 }

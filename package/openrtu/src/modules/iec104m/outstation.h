@@ -23,9 +23,10 @@ struct outstation {
 	int64_t asked_ns; /* when that under way was sent */
 	bool valid;       /* its points may be good: they are so from the start to the loss of all links */
 	bool taken_over;  /* they are a former process's, and there was no data transfer yet */
-	bool failing;     /* that has been said */
 	bool doubted;     /* it told what was before, which has been said of this data transfer */
 	bool unanswered;  /* the last general interrogation failed, which has been said */
+	/* What a station that comes and goes would say each time. */
+	struct map_repeats invalid, doubts, refusals;
 	int64_t valid_until_ns; /* without data transfer, while another link takes over */
 	struct iec104_moment now;
 	struct map_clock clock;

@@ -13,9 +13,7 @@
 #include "modules/serial.h"
 #include "modules/tcp.h"
 
-#define REOPEN_NS     NS_PER_S
 #define CONNECT_NS    (3 * NS_PER_S) /* then a host that has said nothing is not there */
-#define RECONNECT_NS  (5 * NS_PER_S) /* to such a one: nobody else is there to refuse it */
 #define CHECK_NS      NS_PER_S
 #define READ_SIZE     512
 #define READS_A_CYCLE 16
@@ -23,6 +21,7 @@
 /* What a serial port and a TCP connection do each in its way. */
 struct port_backend {
 	void (*set_path)(struct port *port, const char *directory);
+	void (*say_open)(const struct port *port, const char *again);
 	/* Opens, or goes on opening, and begins the line when that is done. */
 	void (*open)(struct port *port, int64_t now_ns);
 	void (*close)(int fd);
@@ -46,18 +45,20 @@ static void close_port(struct port *port)
 	port->waiting = false;
 }
 
-/* Said once, until the port is open again. */
-static void retry_port(struct port *port, const char *error, const char *hint, int64_t after_ns,
-		       int64_t now_ns)
+/* The port cannot be opened, or is lost. hint: what to do about it, or nothing. */
+static void retry_port(struct port *port, const char *error, const char *hint, int64_t now_ns)
 {
+	const bool said = attempts_failed(&port->attempts, error, now_ns);
+	char text[ATTEMPTS_TEXT_SIZE];
+
 	count_port_error(port);
-	if (!port->failing)
-		map_log(port->map, MAP_LOG_ERROR, "port %u: %s %s; trying again %s", port->config->port,
-			port->path, error, after_ns == REOPEN_NS ? "each second" : "every few seconds");
-	if (!port->failing && hint[0] != '\0')
+	port->deadline_ns = now_ns + port->attempts.pause_ns;
+	if (!said)
+		return;
+	map_log(port->map, MAP_LOG_ERROR, "port %u: %s %s%s", port->config->port, port->path, error,
+		attempts_failure(&port->attempts, now_ns, text));
+	if (port->attempts.failures == 1 && hint[0] != '\0')
 		map_log(port->map, MAP_LOG_ERROR, "port %u: %s", port->config->port, hint);
-	port->failing = true;
-	port->deadline_ns = now_ns + after_ns;
 }
 
 /* The descriptor that was opened; events: what wakes this process. */
@@ -72,28 +73,27 @@ static bool wait_for_port(struct port *port, uint32_t events, char error[SERIAL_
 	return false;
 }
 
+/* A port that failed is said to be there when something came of it: a device that takes no further connection accepts it, and hangs up. */
 static void begin_line(struct port *port, int64_t now_ns)
 {
 	port->answers = port->line.counters.answers;
 	port->listening = true;
+	retry_opened(&port->attempts.retry, now_ns);
+	if (!port->attempts.failing)
+		port->backend->say_open(port, "");
 	modbus_line_open(&port->line, now_ns);
 }
 
-static void log_connected(const struct port *port)
+/* A device answered, or the port has lasted. */
+static void note_use(struct port *port, int64_t now_ns)
 {
-	map_log(port->map, MAP_LOG_INFO, "port %u: %s is connected", port->config->port, port->path);
-}
+	char text[ATTEMPTS_TEXT_SIZE];
 
-/*
- * A device that takes no further connection accepts it and hangs up: a connection that has failed before is said to be
- * there when something came of it, and not each second.
- */
-static void note_answers(struct port *port)
-{
-	if (!port->failing || port->line.counters.answers == port->answers)
+	if (port->line.counters.answers == port->answers && !retry_has_lasted(&port->attempts.retry, now_ns))
 		return;
-	port->failing = false;
-	log_connected(port);
+	retry_was_useful(&port->attempts.retry);
+	if (attempts_useful(&port->attempts, now_ns))
+		port->backend->say_open(port, attempts_success(&port->attempts, now_ns, text));
 }
 
 /* ---- serial ports ------------------------------------------------------------------------ */
@@ -106,6 +106,12 @@ static void set_serial_path(struct port *port, const char *directory)
 		snprintf(port->path, sizeof(port->path), "%s", device);
 	else
 		snprintf(port->path, sizeof(port->path), "%s/%s", directory, device);
+}
+
+static void say_serial_open(const struct port *port, const char *again)
+{
+	map_log(port->map, MAP_LOG_INFO, "port %u: %s is open, %u bit/s%s", port->config->port, port->path,
+		(unsigned)port->config->baud, again);
 }
 
 static struct serial_settings serial_settings_of(const struct modbus_port *line)
@@ -139,7 +145,7 @@ static void open_serial(struct port *port, int64_t now_ns)
 
 	port->fd = serial_open(port->path, &settings, &carries_parity, error, hint);
 	if (port->fd < 0 || !wait_for_port(port, EPOLLIN, error)) {
-		retry_port(port, error, hint, REOPEN_NS, now_ns);
+		retry_port(port, error, hint, now_ns);
 		return;
 	}
 	if (!carries_parity && port->config->parity != MODBUS_PARITY_NONE && !port->pty_logged) {
@@ -147,14 +153,12 @@ static void open_serial(struct port *port, int64_t now_ns)
 			port->config->port, port->path);
 		port->pty_logged = true;
 	}
-	map_log(map, MAP_LOG_INFO, "port %u: %s is open, %u bit/s", port->config->port, port->path,
-		(unsigned)port->config->baud);
-	port->failing = false;
 	begin_line(port, now_ns);
 }
 
 static const struct port_backend serial_backend = {
     .set_path = set_serial_path,
+    .say_open = say_serial_open,
     .open = open_serial,
     .close = serial_close,
     .is_as_set = serial_line_is_as_set,
@@ -169,6 +173,11 @@ static void set_tcp_path(struct port *port, const char *directory)
 	snprintf(port->path, sizeof(port->path), "%s port %u", port->config->device, port->config->tcp_port);
 }
 
+static void say_connected(const struct port *port, const char *again)
+{
+	map_log(port->map, MAP_LOG_INFO, "port %u: %s is connected%s", port->config->port, port->path, again);
+}
+
 static void begin_connection(struct port *port, int64_t now_ns)
 {
 	char error[TCP_ERROR_SIZE];
@@ -176,7 +185,7 @@ static void begin_connection(struct port *port, int64_t now_ns)
 	_Static_assert(TCP_ERROR_SIZE == SERIAL_ERROR_SIZE, "both are a port's");
 	port->fd = tcp_connect(port->config->device, port->config->tcp_port, error);
 	if (port->fd < 0 || !wait_for_port(port, EPOLLOUT, error)) {
-		retry_port(port, error, "", REOPEN_NS, now_ns);
+		retry_port(port, error, "", now_ns);
 		return;
 	}
 	port->deadline_ns = port->connected_by_ns = now_ns + CONNECT_NS;
@@ -193,19 +202,17 @@ static void end_connecting(struct port *port, int64_t now_ns)
 		if (now_ns < port->connected_by_ns)
 			return;
 		close_port(port);
-		retry_port(port, "does not answer", "", RECONNECT_NS, now_ns);
+		retry_port(port, "does not answer", "", now_ns);
 		return;
 	case TCP_FAILED:
 		close_port(port);
-		retry_port(port, error, "", REOPEN_NS, now_ns);
+		retry_port(port, error, "", now_ns);
 		return;
 	case TCP_CONNECTED:
 		break;
 	}
 	port->connected_by_ns = 0;
 	epoll_ctl(port->epoll_fd, EPOLL_CTL_MOD, port->fd, &event);
-	if (!port->failing)
-		log_connected(port);
 	begin_line(port, now_ns);
 }
 
@@ -238,6 +245,7 @@ static void keep_output(int fd)
 
 static const struct port_backend tcp_backend = {
     .set_path = set_tcp_path,
+    .say_open = say_connected,
     .open = open_connection,
     .close = close_connection,
     .is_as_set = is_connection_as_set,
@@ -250,7 +258,12 @@ void port_init(struct port *port, struct map *map, uint32_t number, const char *
 {
 	const struct modbus_port *line = &modbus_ports(map_config(map))[number];
 
-	*port = (struct port){.map = map, .config = line, .number = number, .epoll_fd = epoll_fd, .fd = -1};
+	*port = (struct port){.map = map,
+			      .config = line,
+			      .number = number,
+			      .epoll_fd = epoll_fd,
+			      .fd = -1,
+			      .attempts = attempts_begin(ATTEMPTS_FIRST_NS, ATTEMPTS_MOST_NS)};
 	port->backend = modbus_is_tcp(line) ? &tcp_backend : &serial_backend;
 	port->backend->set_path(port, directory);
 }
@@ -262,13 +275,11 @@ bool port_is_open(const struct port *port)
 
 static void lose_port(struct port *port, const char *cause, int64_t now_ns)
 {
+	char error[SERIAL_ERROR_SIZE];
+
+	snprintf(error, sizeof(error), "is lost: %s", cause);
 	close_port(port);
-	if (!port->failing)
-		map_log(port->map, MAP_LOG_ERROR, "port %u: %s is lost: %s", port->config->port, port->path,
-			cause);
-	port->failing = true;
-	port->deadline_ns = now_ns + REOPEN_NS;
-	count_port_error(port);
+	retry_port(port, error, "", now_ns);
 	modbus_line_close(&port->line, now_ns);
 }
 
@@ -357,7 +368,7 @@ void port_serve(struct port *port, int64_t due_ns)
 		read_port(port);
 	if (!port_is_open(port))
 		return;
-	note_answers(port);
+	note_use(port, now_ns);
 	struct modbus_output output = modbus_line_poll(&port->line, now_ns);
 	bool listening = now_ns >= output.listen_ns;
 

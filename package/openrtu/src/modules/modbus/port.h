@@ -9,6 +9,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "channel/attempts.h"
 #include "map/map.h"
 #include "modbus/config.h"
 #include "modbus/line.h"
@@ -33,8 +34,8 @@ struct port {
 	const struct port_backend *backend; /* a serial port or a TCP connection */
 	int epoll_fd;
 	char path[PORT_PATH_SIZE];
-	int fd;       /* -1: not open */
-	bool failing; /* said in the log */
+	int fd; /* -1: not open */
+	struct attempts attempts;
 	bool pty_logged;
 	int64_t connected_by_ns; /* until then a connection may take; 0: none is being made */
 	uint32_t answers;        /* of the line, before the port was opened */
