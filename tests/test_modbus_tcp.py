@@ -5,6 +5,7 @@ What servers of other makes say when all goes well is in test_modbus_peers.py.
 """
 
 import contextlib
+import dataclasses
 import errno
 import json
 import re
@@ -12,6 +13,7 @@ import select
 import socket
 import struct
 import threading
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -300,28 +302,42 @@ def test_what_is_no_modbus_closes_the_connection(programs: Path) -> None:
 
 @pytest.mark.slow
 def test_device_that_never_answered_is_said_once(programs: Path) -> None:
-    """One that says nothing, and one that answers too late, with the number that helps."""
-    held: list[bytes] = []
+    """One that says nothing; one that answers too late, with the number that helps; one of another unit."""
+    took_s = 0.6
 
     def late(request: Request) -> bytes:
-        before, held[:] = b"".join(held), [request.answer()]
-        return before
+        time.sleep(took_s)
+        return request.answer()
 
-    with Server() as silent, Server() as slow:
-        silent.respond = lambda request: b""
-        slow.respond = late
+    def as_another(request: Request) -> bytes:
+        return dataclasses.replace(request, unit=9).answer()
+
+    with Server() as silent, Server() as slow, Server() as other:
+        silent.respond, slow.respond, other.respond = (lambda _: b""), late, as_another
         ports = [
             tcp_port(7, silent, [slave(1, 0, timeout_ms=200)]),
-            tcp_port(8, slow, [slave(2, 0, timeout_ms=200)]),
+            tcp_port(8, slow, [slave(2, 0, timeout_ms=500)]),
+            tcp_port(9, other, [slave(3, 0, timeout_ms=200)]),
         ]
         with gateway_of(programs, *ports) as gateway:
             said = [
-                f"p{port}.{unit}: unit {unit} on port {port} has never answered within 200 ms"
-                for port, unit in ((7, 1), (8, 2))
+                "p7.1: unit 1 on port 7 has never answered within 200 ms",
+                "p8.2: unit 2 on port 8 has never answered within 500 ms",
+                "p9.3: unit 3 on port 9 has never answered within 200 ms",
+                "p9.3: unit 3 was asked on port 9, and unit 9 answers",
             ]
-            for line_ in (*said, "port 8: answers that came later: "):
+            number = re.compile(
+                r"p8\.2: unit 2 answers after (\d+) ms, response_timeout_ms is 500$", re.MULTILINE
+            )
+            for line_ in said:
                 gateway.wait_for(lambda line_=line_: line_ in gateway.log(), 60.0, line_)
-            assert [gateway.log().count(line_) for line_ in said] == [1, 1]
+            gateway.wait_for(lambda: number.search(gateway.log()) is not None, 60.0, "how late it is")
+            later = counters(gateway, 8)["late_answers"] + 3
+            gateway.wait_for(lambda: counters(gateway, 8)["late_answers"] >= later, 60.0, "it goes on")
+            assert [gateway.log(1000).count(line_) for line_ in said] == [1, 1, 1, 1]
+            (took_ms,) = map(int, number.findall(gateway.log(1000)))
+            assert took_ms >= took_s * 1000
+            assert all_are(gateway, "p8.2.*", "invalid")
 
 
 @pytest.mark.slow

@@ -218,7 +218,7 @@ def denied(gateway: Gateway, path: str, user: int) -> str:
         folder.mkdir(exist_ok=True)
         os.chown(folder, user, user)
     with rtud(gateway, args=[*who, *command(gateway)]):
-        said = f"{path} cannot be opened: Permission denied; trying again each second\n"
+        said = f"{path} cannot be opened: Permission denied; trying again in 1 s\n"
         gateway.wait_for(
             lambda: "its group" in gateway.log(1000).partition(said)[2], 60.0, "the group is named"
         )

@@ -35,7 +35,7 @@ void modbus_add_unanswered(struct modbus_device *device, const struct modbus_req
 	device->trust_ns = later(device->trust_ns, taken_ns + device->response_timeout_ns + MODBUS_LATE_NS);
 	if (device->unanswered_count < MODBUS_UNANSWERED_MAX)
 		device->unanswered[device->unanswered_count++] =
-		    (struct modbus_unanswered){request->function, answer_bytes(request)};
+		    (struct modbus_unanswered){request->function, answer_bytes(request), sent_ns};
 }
 
 void modbus_forget_unanswered(struct modbus_device *device, int64_t now_ns)
@@ -64,6 +64,33 @@ bool modbus_owes(const struct modbus_device *device, uint8_t function)
 		if (device->unanswered[i].function == function)
 			return true;
 	return false;
+}
+
+/* A device answers in order: what is older than that has no answer any more. */
+static int64_t take_unanswered(struct modbus_device *device, uint8_t count)
+{
+	int64_t sent_ns = device->unanswered[count - 1].sent_ns;
+
+	for (uint8_t i = 0; i < count; i++)
+		device->unanswered[i].sent_ns = 0;
+	return sent_ns;
+}
+
+int64_t modbus_sent_ns(struct modbus_device *device, const uint8_t *frame)
+{
+	const uint8_t function = frame[1] & (uint8_t)~MODBUS_EXCEPTION_BIT;
+	const bool is_exception = function != frame[1];
+
+	if (device->unanswered_count == MODBUS_UNANSWERED_MAX)
+		return 0;
+	for (uint8_t i = 0; i < device->unanswered_count; i++) {
+		const struct modbus_unanswered *unanswered = &device->unanswered[i];
+
+		if (unanswered->sent_ns != 0 && unanswered->function == function &&
+		    (is_exception || unanswered->bytes == 0 || unanswered->bytes == frame[2]))
+			return take_unanswered(device, i + 1);
+	}
+	return 0;
 }
 
 bool modbus_may_be_busy(const struct modbus_device *device, int64_t now_ns)

@@ -76,7 +76,24 @@ static void on_command(void *context, const struct modbus_command *command, enum
 	ended++;
 }
 
-static const struct modbus_events events = {on_read, on_refused, on_alive, on_command, NULL};
+static void on_late(void *context, uint32_t device, int64_t latency_ns, int64_t now_ns)
+{
+	(void)context, (void)now_ns;
+	CHECK(device < DEVICES && latency_ns > 0);
+}
+
+static void on_stranger(void *context, uint32_t device, uint8_t unit, int64_t now_ns)
+{
+	(void)context, (void)now_ns;
+	CHECK(device < DEVICES && unit != devices[device].unit);
+}
+
+static const struct modbus_events events = {.read = on_read,
+					    .refused = on_refused,
+					    .alive = on_alive,
+					    .command = on_command,
+					    .late = on_late,
+					    .stranger = on_stranger};
 
 /* ---- what happens ------------------------------------------------------------------------------ */
 

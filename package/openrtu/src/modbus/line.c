@@ -18,11 +18,13 @@ static struct modbus_device *find_debtor(struct modbus_line *line, const uint8_t
 }
 
 /* The strays are an answer that comes late. A device answers in order: it begins with what is under way only now. */
-static void take_late_answer(struct modbus_line *line, struct modbus_device *device)
+static void take_late_answer(struct modbus_line *line, struct modbus_device *device, int64_t now_ns)
 {
 	int64_t began_ns = line->last_byte_ns - (int64_t)line->strays * line->wire.char_ns;
 
 	line->counters.late_answers++;
+	modbus_tell_late(line, (uint32_t)(device - line->devices), modbus_sent_ns(device, line->received),
+			 began_ns, now_ns);
 	if (!modbus_was_in_time(device, began_ns, line->last_byte_ns) || line->state != MODBUS_WAITING ||
 	    device != &line->devices[line->device])
 		return;
@@ -39,7 +41,7 @@ static bool is_echo_of_broadcast(const struct modbus_line *line)
 }
 
 /* Counts the strays, which are one burst, and removes them. */
-static void remove_strays(struct modbus_line *line)
+static void remove_strays(struct modbus_line *line, int64_t now_ns)
 {
 	struct modbus_device *debtor;
 
@@ -48,9 +50,9 @@ static void remove_strays(struct modbus_line *line)
 	else if (is_echo_of_broadcast(line))
 		line->counters.echoes++;
 	else if ((debtor = find_debtor(line, line->received)) != NULL)
-		take_late_answer(line, debtor);
+		take_late_answer(line, debtor, now_ns);
 	else if (line->state == MODBUS_WAITING)
-		modbus_count_wrong_answer(line, line->received, line->strays - MODBUS_CRC_LENGTH);
+		modbus_count_wrong_answer(line, line->received, line->strays - MODBUS_CRC_LENGTH, now_ns);
 	else
 		line->counters.unasked_frames++;
 	line->received_count -= line->strays;
@@ -108,7 +110,7 @@ static bool take_answer(struct modbus_line *line, int64_t now_ns)
 
 			memcpy(frame, start, length);
 			if (line->strays > 0)
-				remove_strays(line);
+				remove_strays(line, now_ns);
 			else if (modbus_is_read(line->request.function))
 				modbus_learn_latency(device, device->counters.latency_us * NS_PER_US);
 			line->received_count -= length;
@@ -133,7 +135,7 @@ static void burst_ended(struct modbus_line *line, int64_t now_ns)
 	}
 	/* Another's frame, or noise: the answer may still come (MODBUS over Serial Line, 2.4.1). */
 	line->strays = line->received_count;
-	remove_strays(line);
+	remove_strays(line, now_ns);
 }
 
 /* Until when the line is known to be as it should, whether anybody has listened meanwhile or not. */
@@ -174,11 +176,11 @@ static void await_turnaround(struct modbus_line *line, int64_t now_ns)
 
 /* ---- a serial line ------------------------------------------------------------------------------------- */
 
-static void keep_byte(struct modbus_line *line, uint8_t byte)
+static void keep_byte(struct modbus_line *line, uint8_t byte, int64_t now_ns)
 {
 	/* An answer is at most half of the buffer: what fills it are strays. */
 	if (line->received_count == sizeof(line->received))
-		remove_strays(line);
+		remove_strays(line, now_ns);
 	line->received[line->received_count++] = byte;
 }
 
@@ -186,7 +188,7 @@ static void receive_byte(struct modbus_line *line, uint8_t byte, int64_t now_ns)
 {
 	bool first = line->received_count == 0;
 
-	keep_byte(line, byte);
+	keep_byte(line, byte, now_ns);
 	if (line->state != MODBUS_WAITING) {
 		line->strays = line->received_count;
 		if (now_ns >= line->silent_ns)
@@ -282,7 +284,7 @@ void modbus_line_open(struct modbus_line *line, int64_t now_ns)
 			  now_ns + line->devices[i].response_timeout_ns + MODBUS_LATE_NS);
 	}
 	line->received_count = line->stream_count = 0;
-	line->overdue = 0;
+	memset(line->overdue, 0, sizeof(line->overdue));
 	line->last_byte_ns = now_ns - MODBUS_GAP_NS;
 	line->turn = line->probe_turn = 0;
 	line->probed_in_vain = line->scan_begun = false;
@@ -325,7 +327,7 @@ static size_t leave_idle(struct modbus_line *line, int64_t now_ns)
 {
 	if (now_ns >= line->silent_ns) {
 		if (line->strays > 0)
-			remove_strays(line);
+			remove_strays(line, now_ns);
 		return modbus_begin_next(line, now_ns);
 	}
 	if (now_ns >= line->restless_ns + MODBUS_BABBLE_NS) {

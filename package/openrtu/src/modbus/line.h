@@ -74,6 +74,7 @@
 #define MODBUS_LATENCY_FADING  2048 /* each answer takes this part off the longest latency */
 #define MODBUS_SILENT_READS    3    /* unanswered so often, a read is split: less may be noise */
 #define MODBUS_UNANSWERED_MAX  8
+#define MODBUS_OVERDUE_MAX     16
 #define MODBUS_ECHO_MEMORY     8  /* one echo may be lost among noise */
 #define MODBUS_COMMANDS_IN_ROW 8  /* then polling goes on by one read: a flood of them does not stop it */
 #define MODBUS_DUE_IN_ROW      16 /* then the scan goes on by one read */
@@ -155,7 +156,9 @@ struct modbus_device {
 	struct modbus_unanswered {
 		uint8_t function;
 		uint16_t bytes;
+		int64_t sent_ns; /* 0: a late answer has come since */
 	} unanswered[MODBUS_UNANSWERED_MAX];
+	int64_t heard_ns; /* the end of its last answer, be it late: before, it did not begin with another */
 };
 
 /* What the line tells. Called from within modbus_line_receive, _poll and _close. */
@@ -176,6 +179,10 @@ struct modbus_events {
 			uint8_t exception);
 	/* A device has not answered since the line began, and has had its tries. Left out: nobody wants to know. */
 	void (*mute)(void *context, uint32_t device);
+	/* The answer to what had timed out: so long after it was asked, or the device had ended what it was asked before. */
+	void (*late)(void *context, uint32_t device, int64_t latency_ns, int64_t now_ns);
+	/* What was asked of the device, another unit answers. */
+	void (*stranger)(void *context, uint32_t device, uint8_t unit, int64_t now_ns);
 };
 
 enum modbus_line_state {
@@ -239,7 +246,13 @@ struct modbus_line {
 
 	/* Of TCP. */
 	uint16_t transaction; /* of the latest request */
-	uint64_t overdue;     /* bit i: transaction - i has timed out, and its answer has not come */
+	struct modbus_overdue {
+		uint16_t transaction;
+		uint8_t unit, function;
+		uint32_t device;
+		int64_t sent_ns;               /* 0: its answer has come */
+	} overdue[MODBUS_OVERDUE_MAX];         /* what timed out last */
+	uint32_t overdue_count;                /* ever; the next one's place */
 	uint8_t stream[MODBUS_MBAP_FRAME_MAX]; /* a frame's beginning */
 	size_t stream_count;
 };

@@ -35,6 +35,8 @@ void modbus_add_unanswered(struct modbus_device *device, const struct modbus_req
 void modbus_forget_unanswered(struct modbus_device *device, int64_t now_ns);
 /* Such an answer would look like that to a request with this function. */
 bool modbus_owes(const struct modbus_device *device, uint8_t function);
+/* When that was sent to which this sound frame is the late answer; 0: nobody knows. Each is found once. */
+int64_t modbus_sent_ns(struct modbus_device *device, const uint8_t *frame);
 /* It lives, and may still be at work on what it did not answer: the response time of that has not passed. */
 bool modbus_may_be_busy(const struct modbus_device *device, int64_t now_ns);
 /* This request was answered, and with it what was unanswered before. */
@@ -86,7 +88,10 @@ void modbus_request_answered(struct modbus_line *line, const uint8_t *body, bool
 void modbus_answer_garbled(struct modbus_line *line, int64_t now_ns);
 void modbus_request_timed_out(struct modbus_line *line, int64_t now_ns);
 /* A sound frame that is not the answer awaited. body: length bytes of unit, function and data. */
-void modbus_count_wrong_answer(struct modbus_line *line, const uint8_t *body, size_t length);
+void modbus_count_wrong_answer(struct modbus_line *line, const uint8_t *body, size_t length, int64_t now_ns);
+/* The answer to what was sent then, and has timed out, began and ended. sent_ns 0: nobody knows when. */
+void modbus_tell_late(struct modbus_line *line, uint32_t index, int64_t sent_ns, int64_t began_ns,
+		      int64_t now_ns);
 
 /* ---- turn.c ------------------------------------------------------------------------------ */
 

@@ -3,19 +3,34 @@
 #include "line_parts.h"
 #include "map/time_ns.h"
 
-#define OVERDUE_BITS 64
+/* The numbers of transactions come again after some time, though not before this. */
+#define OVERDUE_NS (60 * NS_PER_S)
+
+static struct modbus_overdue *find_overdue(struct modbus_line *line, uint16_t transaction, int64_t now_ns)
+{
+	for (uint32_t i = 0; i < MODBUS_OVERDUE_MAX; i++) {
+		struct modbus_overdue *overdue = &line->overdue[i];
+
+		if (overdue->sent_ns != 0 && overdue->transaction == transaction &&
+		    now_ns - overdue->sent_ns < OVERDUE_NS)
+			return overdue;
+	}
+	return NULL;
+}
 
 /* A frame that nobody waits for: a request's that has timed out, or none's. */
-static void count_stranger(struct modbus_line *line, uint16_t transaction)
+static void take_stranger(struct modbus_line *line, uint16_t transaction, const uint8_t *body, int64_t now_ns)
 {
-	uint16_t age = (uint16_t)(line->transaction - transaction);
+	struct modbus_overdue *overdue = find_overdue(line, transaction, now_ns);
 
-	if (age < OVERDUE_BITS && line->overdue >> age & 1) {
-		line->overdue &= ~(UINT64_C(1) << age);
-		line->counters.late_answers++;
-	} else {
+	if (overdue == NULL) {
 		line->counters.unasked_frames++;
+		return;
 	}
+	line->counters.late_answers++;
+	if (body[0] == overdue->unit && (body[1] & (uint8_t)~MODBUS_EXCEPTION_BIT) == overdue->function)
+		modbus_tell_late(line, overdue->device, overdue->sent_ns, now_ns, now_ns);
+	overdue->sent_ns = 0;
 }
 
 static void take_frame(struct modbus_line *line, const uint8_t *frame, size_t length, int64_t now_ns)
@@ -26,13 +41,13 @@ static void take_frame(struct modbus_line *line, const uint8_t *frame, size_t le
 	enum modbus_verdict verdict;
 
 	if (line->state != MODBUS_WAITING || transaction != line->transaction) {
-		count_stranger(line, transaction);
+		take_stranger(line, transaction, body, now_ns);
 		return;
 	}
 	device = &line->devices[line->device];
 	verdict = modbus_body_judge(&line->request, body, length - MODBUS_MBAP_PREFIX);
 	if (verdict == MODBUS_NOT_ITS_OWN) {
-		modbus_count_wrong_answer(line, body, length - MODBUS_MBAP_PREFIX);
+		modbus_count_wrong_answer(line, body, length - MODBUS_MBAP_PREFIX, now_ns);
 		return;
 	}
 	device->counters.latency_us = (uint32_t)(later(now_ns - line->sent_ns, 0) / NS_PER_US);
@@ -43,13 +58,17 @@ static void take_frame(struct modbus_line *line, const uint8_t *frame, size_t le
 
 static size_t build(struct modbus_line *line)
 {
-	line->overdue <<= 1;
 	return modbus_mbap_frame(&line->request, ++line->transaction, line->frame);
 }
 
 static void remember_unanswered(struct modbus_line *line)
 {
-	line->overdue |= 1;
+	line->overdue[line->overdue_count++ % MODBUS_OVERDUE_MAX] =
+	    (struct modbus_overdue){.transaction = line->transaction,
+				    .unit = line->request.unit,
+				    .function = line->request.function,
+				    .device = line->device,
+				    .sent_ns = line->sent_ns};
 }
 
 static bool receive(struct modbus_line *line, const uint8_t *bytes, size_t length, int64_t now_ns)

@@ -70,7 +70,28 @@ static void on_command(void *context, const struct modbus_command *command, enum
 	bus.last_exception = exception;
 }
 
-static const struct modbus_events events = {on_read, on_refused, on_alive, on_command, NULL};
+static void on_late(void *context, uint32_t device, int64_t latency_ns, int64_t now_ns)
+{
+	assert_ptr_equal(context, &bus);
+	assert_int_equal(now_ns, bus.now_ns);
+	bus.lates[device]++;
+	bus.late_ns[device] = latency_ns;
+}
+
+static void on_stranger(void *context, uint32_t device, uint8_t unit, int64_t now_ns)
+{
+	assert_ptr_equal(context, &bus);
+	assert_int_equal(now_ns, bus.now_ns);
+	bus.strangers[device]++;
+	bus.stranger = unit;
+}
+
+static const struct modbus_events events = {.read = on_read,
+					    .refused = on_refused,
+					    .alive = on_alive,
+					    .command = on_command,
+					    .late = on_late,
+					    .stranger = on_stranger};
 
 /* ---- the devices -------------------------------------------------------------------------------- */
 

@@ -96,6 +96,9 @@ struct bus {
 	int64_t last_read_ns[DEVICES_MAX], longest_ns[DEVICES_MAX]; /* between two reads */
 	unsigned deaths[DEVICES_MAX], births[DEVICES_MAX];
 	int64_t died_ns[DEVICES_MAX];
+	unsigned lates[DEVICES_MAX], strangers[DEVICES_MAX];
+	int64_t late_ns[DEVICES_MAX]; /* the latest */
+	uint8_t stranger;             /* the latest */
 	unsigned commands_done;
 	uint32_t last_tag;
 	enum modbus_result last_result;

@@ -47,6 +47,8 @@ static void test_another_units_answer_is_not_taken(void **state)
 	(void)state;
 	spoil_one(WRONG_UNIT);
 	assert_int_equal(bus.line.counters.wrong_units, 1);
+	assert_int_equal(bus.strangers[0], 1);
+	assert_int_equal(bus.stranger, 117);
 	assert_int_equal(bus.devices[0].counters.errors, 1);
 	assert_int_equal(bus.line.counters.timeouts, 1);
 }

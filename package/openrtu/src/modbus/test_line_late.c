@@ -35,6 +35,49 @@ static void test_a_late_answer_is_counted(void **state)
 	assert_int_equal(bus.line.counters.wrong_answers, 0);
 }
 
+/* A device that takes longer than the time-out: each of its answers is late, and tells how long it took. */
+static void tells_how_late(bool tcp)
+{
+	set_up();
+	if (tcp)
+		use_tcp();
+	add_device(17, 2);
+	add_objects(MODBUS_READ_HOLDING_REGISTERS, 0, 4);
+	add_objects(MODBUS_READ_HOLDING_REGISTERS, 40, 1);
+	bus.slaves[0].reaction_ns = 130 * MS;
+	start();
+	for (unsigned seen = 0; seen < 6; seen = bus.lates[0]) {
+		while (bus.lates[0] == seen)
+			run_for(MS);
+		assert_in_range(bus.late_ns[0], 128 * MS, 142 * MS);
+	}
+	assert_int_equal(bus.line.counters.late_answers, 6);
+	assert_int_equal(bus.reads_done[0], 0);
+	assert_int_equal(bus.strangers[0], 0);
+}
+
+static void test_a_late_answer_tells_how_late_it_is(void **state)
+{
+	(void)state;
+	tells_how_late(false);
+	tells_how_late(true);
+}
+
+/* What comes within the response time, behind a time-out that was learned, is not late. */
+static void test_an_answer_behind_a_learned_time_out_is_told_as_it_is(void **state)
+{
+	(void)state;
+	start_simple(2);
+	bus.devices[0].response_timeout_ns = SECOND;
+	bus.devices[0].response_timeout_min_ns = TIMEOUT_NS;
+	run_for(SECOND);
+	bus.slaves[0].late = 1;
+	bus.slaves[0].late_ns = 150 * MS;
+	run_for(2 * SECOND);
+	assert_int_equal(bus.lates[0], 1);
+	assert_in_range(bus.late_ns[0], 150 * MS, 170 * MS);
+}
+
 /* The process was killed with a request under way; the next one has the port before the answer comes. */
 static void test_a_killed_processs_answer_is_nobodys(void **state)
 {
@@ -211,6 +254,8 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 	    cmocka_unit_test(test_a_late_answer_is_never_anothers),
 	    cmocka_unit_test(test_a_late_answer_is_counted),
+	    cmocka_unit_test(test_a_late_answer_tells_how_late_it_is),
+	    cmocka_unit_test(test_an_answer_behind_a_learned_time_out_is_told_as_it_is),
 	    cmocka_unit_test(test_a_killed_processs_answer_is_nobodys),
 	    cmocka_unit_test(test_a_killed_processs_confirmation_is_nobodys),
 	    cmocka_unit_test(test_an_old_answer_is_no_news),

@@ -106,6 +106,7 @@ void modbus_request_answered(struct modbus_line *line, const uint8_t *body, bool
 	    later(later(now_ns, line->sent_ns) + line->wire.silence_ns, begun_ns(line) + line->wire.least_ns),
 	    now_ns);
 	count_answer(line, is_exception);
+	device->heard_ns = now_ns;
 	modbus_latency_add(&device->latency, device->counters.latency_us);
 	modbus_histogram_add(&line->counters.transactions, now_ns - begun_ns(line));
 	if (modbus_is_read(line->request.function) && !line->echoed && device->echoes > 0)
@@ -124,7 +125,29 @@ void modbus_request_answered(struct modbus_line *line, const uint8_t *body, bool
 		modbus_device_answered(line, line->device, now_ns);
 }
 
-void modbus_count_wrong_answer(struct modbus_line *line, const uint8_t *body, size_t length)
+/* What it says is what the device that was asked would say. */
+static bool answers_for_another(const struct modbus_line *line, const uint8_t *body, size_t length)
+{
+	struct modbus_request request = line->request;
+	enum modbus_verdict verdict;
+
+	request.unit = body[0];
+	verdict = modbus_body_judge(&request, body, length);
+	return verdict == MODBUS_ANSWER || verdict == MODBUS_EXCEPTION;
+}
+
+void modbus_tell_late(struct modbus_line *line, uint32_t index, int64_t sent_ns, int64_t began_ns,
+		      int64_t now_ns)
+{
+	struct modbus_device *device = &line->devices[index];
+	const int64_t latency_ns = began_ns - later(sent_ns, device->heard_ns);
+
+	if (sent_ns != 0 && latency_ns > 0 && line->events->late != NULL)
+		line->events->late(line->context, index, latency_ns, now_ns);
+	device->heard_ns = now_ns;
+}
+
+void modbus_count_wrong_answer(struct modbus_line *line, const uint8_t *body, size_t length, int64_t now_ns)
 {
 	struct modbus_line_counters *counters = &line->counters;
 
@@ -138,6 +161,9 @@ void modbus_count_wrong_answer(struct modbus_line *line, const uint8_t *body, si
 	else
 		counters->wrong_answers++;
 	line->devices[line->device].counters.errors++;
+	if (body[0] != line->request.unit && line->events->stranger != NULL &&
+	    answers_for_another(line, body, length))
+		line->events->stranger(line->context, line->device, body[0], now_ns);
 }
 
 static void request_unanswered(struct modbus_line *line, int64_t now_ns)

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "modules/modbus/line_results.h"
 
+#include "map/time_ns.h"
 #include "modules/modbus/convert.h"
 
 static const struct map_set *device_config(const struct line_results *results, uint32_t device)
@@ -54,6 +55,8 @@ static void publish_read(void *context, uint32_t device, const struct modbus_rea
 	struct line_results *results = context;
 	const struct modbus_knot *knots = modbus_knots(map_config(results->map));
 
+	results->news[device].is_late = false;
+	results->news[device].stranger = LINE_NEWS_NOBODY;
 	for (uint32_t i = 0; i < read->objects; i++) {
 		uint32_t point = results->line->devices[device].objects[read->first + i].tag;
 		const struct modbus_point *config = &results->points[point];
@@ -117,21 +120,52 @@ static void device_changed(void *context, uint32_t device, bool alive, int64_t n
 		results->config->port, alive ? "answers" : "is dead");
 }
 
-/* What an engineer asks who has just connected it: of another unit, too late, or nothing at all. */
+static const struct modbus_slave *slave_config(const struct line_results *results, uint32_t device)
+{
+	return &modbus_slaves(map_config(results->map))[results->config->first_device + device];
+}
+
+/* What an engineer asks who has just connected it. */
 static void say_mute(void *context, uint32_t device)
 {
 	struct line_results *results = context;
-	const struct modbus_line_counters *line = &results->line->counters;
-	const struct modbus_slave *slave =
-	    &modbus_slaves(map_config(results->map))[results->config->first_device + device];
+	const struct modbus_slave *slave = slave_config(results, device);
 
 	map_log(results->map, MAP_LOG_WARNING, "%s: unit %u on port %u has never answered within %u ms",
 		device_config(results, device)->name, slave->unit, results->config->port,
 		slave->response_timeout_ms);
-	if (line->late_answers != 0 || line->wrong_units != 0)
+}
+
+/* Said once until it answers in time, and less and less often of one that does so now and then. */
+static void say_late(void *context, uint32_t device, int64_t latency_ns, int64_t now_ns)
+{
+	struct line_results *results = context;
+	struct line_news *news = &results->news[device];
+	const struct modbus_slave *slave = slave_config(results, device);
+
+	if (latency_ns <= slave->response_timeout_ms * NS_PER_MS || news->is_late)
+		return;
+	news->is_late = true;
+	if (map_repeats_happened(&news->late, 1, now_ns) > 0)
 		map_log(results->map, MAP_LOG_WARNING,
-			"port %u: answers that came later: %u, of other units: %u", results->config->port,
-			line->late_answers, line->wrong_units);
+			"%s: unit %u answers after %u ms, response_timeout_ms is %u",
+			device_config(results, device)->name, slave->unit,
+			(unsigned)((latency_ns + NS_PER_MS - 1) / NS_PER_MS), slave->response_timeout_ms);
+}
+
+static void say_stranger(void *context, uint32_t device, uint8_t unit, int64_t now_ns)
+{
+	struct line_results *results = context;
+	struct line_news *news = &results->news[device];
+
+	if (news->stranger == unit)
+		return;
+	news->stranger = unit;
+	if (map_repeats_happened(&news->strangers, 1, now_ns) > 0)
+		map_log(results->map, MAP_LOG_WARNING,
+			"%s: unit %u was asked on port %u, and unit %u answers",
+			device_config(results, device)->name, slave_config(results, device)->unit,
+			results->config->port, unit);
 }
 
 static void take_command_answer(void *context, const struct modbus_command *command,
@@ -142,5 +176,10 @@ static void take_command_answer(void *context, const struct modbus_command *comm
 	commands_answered(results->commands, command->tag, result, exception, map_now_ns());
 }
 
-const struct modbus_events line_results_events = {publish_read, lose_read, device_changed,
-						  take_command_answer, say_mute};
+const struct modbus_events line_results_events = {.read = publish_read,
+						  .refused = lose_read,
+						  .alive = device_changed,
+						  .command = take_command_answer,
+						  .mute = say_mute,
+						  .late = say_late,
+						  .stranger = say_stranger};

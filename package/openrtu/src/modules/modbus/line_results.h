@@ -4,10 +4,20 @@
 #define OPENRTU_MODULES_MODBUS_LINE_RESULTS_H
 
 #include "map/map.h"
+#include "map/repeats.h"
 #include "modbus/config.h"
 #include "modbus/line.h"
 #include "modules/modbus/commands.h"
 #include "modules/modbus/quality.h"
+
+#define LINE_NEWS_NOBODY (-1)
+
+/* What the log knows of a device. */
+struct line_news {
+	bool is_late;     /* its last answer came too late, and that has been said */
+	int16_t stranger; /* who answered for it, which has been said; LINE_NEWS_NOBODY: nobody */
+	struct map_repeats late, strangers;
+};
 
 /* Of one line. Filled in by the caller, who owns the memory. */
 struct line_results {
@@ -19,6 +29,7 @@ struct line_results {
 	struct quality *quality;
 	struct map_update *updates;        /* room for the largest device */
 	const struct modbus_point *points; /* of the configuration */
+	struct line_news *news;            /* of its devices */
 	int8_t *exponents;                 /* of all points: what their scale registers say (convert.h) */
 };
 

@@ -133,6 +133,15 @@ static void *allocate(size_t count, size_t size)
 	return memory;
 }
 
+static struct line_news *new_news(uint32_t count)
+{
+	struct line_news *news = allocate(count, sizeof(*news));
+
+	for (uint32_t i = 0; i < count; i++)
+		news[i].stranger = LINE_NEWS_NOBODY;
+	return news;
+}
+
 static void set_up_port(struct gateway *gateway, uint32_t number, const char *directory)
 {
 	struct port *port = &gateway->ports[gateway->port_count];
@@ -147,6 +156,7 @@ static void set_up_port(struct gateway *gateway, uint32_t number, const char *di
 					 .commands = &gateway->commands,
 					 .quality = &gateway->quality,
 					 .updates = gateway->updates,
+					 .news = new_news(port->config->device_count),
 					 .points = modbus_points(gateway->config),
 					 .exponents = gateway->exponents};
 	if (!modbus_line_configure(&port->line, gateway->config, number))
@@ -199,8 +209,10 @@ static void set_up_commands(struct gateway *gateway)
 
 static void release_ports(struct gateway *gateway)
 {
-	for (uint32_t i = 0; i < gateway->port_count; i++)
+	for (uint32_t i = 0; i < gateway->port_count; i++) {
 		modbus_line_release(&gateway->ports[i].line);
+		free(gateway->results[i].news);
+	}
 	free(gateway->ports);
 	free(gateway->results);
 	free(gateway->scans);
