@@ -467,6 +467,7 @@ void map_command_finish(struct map *map, uint32_t point, enum map_command_result
 	command.time_ns = map_now_ns();
 	store(cell, &command);
 	answer(map, &command, point, MAP_EXECUTE);
+	command_log_end(map, point, &command);
 }
 
 /* A pulse that nobody knows to have begun is ended all the same: off is the safe end. */

@@ -234,6 +234,8 @@ struct map {
 	uint32_t load;               /* what others have given this module to do in this period, in records */
 	struct map_lines lines;      /* of the own log */
 	struct map_repeats withheld; /* of them, as the log says it */
+	struct map_lines *commanded; /* lines about commands, by own command */
+	uint32_t commanded_count;
 };
 
 uint32_t layout_fingerprint(void);
@@ -306,6 +308,9 @@ uint32_t now_ms(void);
 uint32_t now_s(void);
 /* Whether a time in another's segment can be true. One that lies ahead would overflow sums, and pass later events. */
 bool is_past(const struct map *map, int64_t time_ns);
+
+/* A command for an own point has ended. */
+void command_log_end(struct map *map, uint32_t point, const struct map_command *command);
 
 /* Lines of the own log that were left out are said, when it is time. */
 void log_say_withheld(struct map *map, int64_t now_ns);

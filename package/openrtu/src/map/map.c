@@ -368,7 +368,9 @@ static int attach_all(struct map *map, const char *module, char *error)
 		return -1;
 	map->reported = calloc(map->modules[map->self].point_count + 1, sizeof(*map->reported));
 	map->smoothed = calloc(map->modules[map->self].point_count + 1, sizeof(*map->smoothed));
-	if (!map->reported || !map->smoothed)
+	map->commanded_count = map->modules[map->self].command_count;
+	map->commanded = calloc(map->commanded_count + 1, sizeof(*map->commanded));
+	if (!map->reported || !map->smoothed || !map->commanded)
 		return map_fail(error, "out of memory");
 	await_turn(map);
 	begin_generation(map);
@@ -572,5 +574,6 @@ void map_detach(struct map *map)
 		close(map->directory_fd);
 	free(map->reported);
 	free(map->smoothed);
+	free(map->commanded);
 	free(map);
 }

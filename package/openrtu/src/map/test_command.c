@@ -47,6 +47,50 @@ static void test_a_command_is_confirmed_before_it_ends(void **state)
 	end_commands(&commands);
 }
 
+static uint32_t log_lines(const struct stage *stage, uint32_t *position, char text[MAP_LOG_TEXT_SIZE])
+{
+	struct map_log_line line;
+	uint32_t lines = 0, lost = 0;
+
+	for (; map_log_next(stage->rtud, index_of(stage, FIRST), position, &line, &lost); lines++)
+		snprintf(text, MAP_LOG_TEXT_SIZE, "%s", line.text);
+	return lines;
+}
+
+static void carry_out(struct command_stage *commands, int32_t value, enum map_command_result result)
+{
+	assert_true(post(commands, request(1, MAP_EXECUTE, 1, value)));
+	map_command_finish(commands->owner, 1, result, 4);
+	assert_false(post(commands, request(1, MAP_RELEASE, 1, 0)));
+}
+
+/* How it ended, and who wanted it; of many for one point, how many more there were. */
+static void test_the_log_says_how_a_command_ended(void **state)
+{
+	struct stage *stage = *state;
+	struct command_stage commands = start_commands(stage);
+	char text[MAP_LOG_TEXT_SIZE], name[MAP_NAME_SIZE], expected[MAP_LOG_TEXT_SIZE];
+	uint32_t position = 0;
+
+	map_point_name(&commands.owner->config, &commands.owner->config.points[1], name);
+	carry_out(&commands, 255, MAP_RESULT_DONE);
+	assert_int_equal(log_lines(stage, &position, text), 1);
+	snprintf(expected, sizeof(expected), "%s = 255: done, commanded by rtu-iec104", name);
+	assert_string_equal(text, expected);
+	carry_out(&commands, 7, MAP_RESULT_EXCEPTION);
+	assert_int_equal(log_lines(stage, &position, text), 1);
+	snprintf(expected, sizeof(expected), "%s = 7: exception 4, commanded by rtu-iec104", name);
+	assert_string_equal(text, expected);
+	for (int i = 0; i < 100; i++)
+		carry_out(&commands, i, MAP_RESULT_DONE);
+	assert_in_range(log_lines(stage, &position, text), 18, 20);
+	commands.owner->commanded[stage->points[1].command].paid_ns = 0; /* an hour later */
+	carry_out(&commands, 3, MAP_RESULT_DONE);
+	assert_int_equal(log_lines(stage, &position, text), 1);
+	assert_non_null(strstr(text, " more since the last line"));
+	end_commands(&commands);
+}
+
 static struct map_request pulse(uint32_t point, enum map_action action, uint16_t pulse_ms)
 {
 	struct map_request wish = request(point, action, 1, 1);
@@ -305,6 +349,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 	    TEST(test_a_direct_command_is_executed_and_released),
 	    TEST(test_a_command_is_confirmed_before_it_ends),
+	    TEST(test_the_log_says_how_a_command_ended),
 	    TEST(test_no_command_until_a_pulse_has_ended),
 	    TEST(test_a_selection_binds_the_kind_of_command),
 	    TEST(test_a_selection_binds_requester_and_value),
