@@ -11,6 +11,7 @@ folder=$(realpath -m "$1")
 tree=$(realpath -e "$(dirname "$0")/..")
 version=$(PYTHONPATH="$tree/scripts" python3 -m release.version debian)
 machine=$(dpkg --print-architecture)
+date=$("$tree/scripts/source-date.sh")
 architectures=("${@:2}")
 [[ ${#architectures[@]} -gt 0 ]] || architectures=("$machine")
 
@@ -20,7 +21,7 @@ changelog() {
 
 		  * CHANGELOG.md has what is new.
 
-		 -- $(sed -n 's/^Maintainer: //p' debian/control)  $(date --utc --rfc-email --date="@$("$tree/scripts/source-date.sh")")
+		 -- $(sed -n 's/^Maintainer: //p' debian/control)  $(date --utc --rfc-email --date="@$date")
 	END
 }
 
@@ -57,7 +58,7 @@ unpack_tools() {
 	cp -a "$tree"/build/deb-vendored/{paho,pyfdt,tftpy} tools
 }
 
-# The folder of the source package, as dpkg-buildpackage wants it.
+# The folder of the source package, as dpkg-buildpackage wants it. dpkg would keep the dates of what was cloned before the last commit.
 unpack_source() {
 	rm -rf "$source"
 	mkdir "$source"
@@ -69,6 +70,7 @@ unpack_source() {
 		cp -a "$tree/centre/systemd" centre
 		unpack_tools
 		changelog >debian/changelog
+		find . -exec touch --no-dereference --date="@$date" {} +
 	)
 }
 

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The Debian packages: what `make deb` makes, and installed in a minimal Debian."""
 
+import io
 import json
 import os
 import re
 import shutil
 import struct
 import subprocess
+import tarfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -81,6 +83,17 @@ def test_same_source_gives_the_same_bytes(packages: Path, tmp_path: Path) -> Non
     names = sorted(file.name for file in packages.glob("*.deb"))
     assert sorted(file.name for file in folder.glob("*.deb")) == names
     assert [name for name in names if (folder / name).read_bytes() != (packages / name).read_bytes()] == []
+
+
+def test_all_in_them_is_of_the_sources_date(packages: Path) -> None:
+    """Whenever the tree was cloned. dpkg leaves alone what is older."""
+    date = int(run(ROOT / "scripts/source-date.sh"))
+    dates = set()
+    for package in packages.glob("*.deb"):
+        contents = subprocess.run(["dpkg-deb", "--fsys-tarfile", package], capture_output=True, check=True)
+        with tarfile.open(fileobj=io.BytesIO(contents.stdout)) as archive:
+            dates |= {entry.mtime for entry in archive}
+    assert dates == {date}
 
 
 def test_symbols_of_the_library_have_the_nodes_of_its_map() -> None:
