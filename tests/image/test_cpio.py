@@ -21,6 +21,7 @@ def root(tmp_path: Path) -> Path:
     (folder / "bin").mkdir(parents=True)
     (folder / "bin/odd").write_bytes(b"abc")
     (folder / "bin/odd").chmod(0o750)
+    (folder / "bin").chmod(0o755)
     (folder / "bin.conf").write_text("sorted between bin and bin/odd as text, not as a path")
     (folder / "dev").mkdir()
     (folder / "sh").symlink_to("bin/odd")

@@ -112,8 +112,9 @@ class Authority:
         asked = ["-new", "-nodes", *key.split(), "-subj", f"/CN={name}", "-keyout", made.key]
         openssl("req", *asked, "-out", request)
         signed = ["-in", request, "-extfile", extensions, "-out", made.certificate]
-        if since or until:
-            begin, end = since or datetime.now(UTC), until or datetime.now(UTC) + timedelta(days=days)
+        if since or until or days < 0:  # "x509 -days -1" ends with OpenSSL 3.5 in an error
+            end = until or datetime.now(UTC) + timedelta(days=days)
+            begin = since or min(datetime.now(UTC), end - timedelta(days=1))
             dates = ["-startdate", begin.strftime(DATE), "-enddate", end.strftime(DATE)]
             self._act("-batch", "-notext", *dates, *signed)
         else:
