@@ -15,14 +15,15 @@ from typing import Any
 
 from aiohttp import web
 
-from openrtu_tools.centre import exports, formats, users
+from openrtu_tools.centre import accounts, exports, formats
 from openrtu_tools.centre.errors import RefusedError, StoreError
-from openrtu_tools.centre.exports import INTEGER_MOST, STRETCH_NS
+from openrtu_tools.centre.exports import STRETCH_NS
 from openrtu_tools.centre.formats import Writer
 from openrtu_tools.centre.intake import COMMAND_COLUMNS
 from openrtu_tools.centre.model import NS_PER_MS, Alarm, Command, Json
 from openrtu_tools.centre.store import Row, audit
 from openrtu_tools.centre.web import HEADERS, Asked, Route
+from openrtu_tools.centre.wire import INTEGER_MOST, described
 
 log = logging.getLogger("centre")
 
@@ -38,10 +39,10 @@ AUDITED = {
     "alarms": ("acknowledge", "shelve"),
     "stations": ("interrogate", "trace"),
     "exports": ("export",),
-    "logins": ("login", "token"),
+    "logins": ("login", "login refused", "session ended", "token", "token ended", "password"),
     "users": ("user", "user removed"),
 }
-TOKEN_DAYS_MOST = 366
+TIME_MOST = 9 * 10**12  # milliseconds, some 285 years: nanoseconds still have 64 bits
 
 
 # ---- what is asked -------------------------------------------------------------------------------
@@ -66,7 +67,7 @@ def _span(asked: Asked, seconds: float) -> tuple[int, int]:
     now_ms = time.time_ns() // 1_000_000
     end = _asked(asked, "to", now_ms + 60_000)
     begin = _asked(asked, "from", min(end, now_ms) - int(seconds * 1000))
-    if abs(begin) > 10**14 or abs(end) > 10**14:
+    if abs(begin) > TIME_MOST or abs(end) > TIME_MOST:
         raise RefusedError(400, "form", "from and to are milliseconds since 1970")
     return begin * 1_000_000, end * 1_000_000
 
@@ -389,47 +390,6 @@ def _audit_filter(asked: Asked) -> tuple[str, list[Any]]:
     return where, values
 
 
-async def all_users(asked: Asked) -> list[Json]:
-    rows = await asked.centre.store.read("SELECT name, role, groups, disabled FROM users ORDER BY name")
-    return [
-        {
-            **row,
-            "groups": row["groups"].split("\n") if row["groups"] else [],
-            "disabled": bool(row["disabled"]),
-        }
-        for row in rows
-    ]
-
-
-async def put_user(asked: Asked) -> Json:
-    """Whoever manages users stays one: so there is always one."""
-    body, by = asked.body, asked.session.user
-    name, role, disabled = body["name"], body["role"], body.get("disabled", False)
-    if name == by and (disabled or role != users.ROLES[-1]):
-        raise RefusedError(409, "yourself", "another engineer must take your role")
-    password, groups = body.get("password"), body.get("groups", [])
-    await asked.centre.store.write(
-        lambda database: users.put(database, name, role, password, by, groups, disabled)
-    )
-    return {}
-
-
-async def remove_user(asked: Asked) -> Json:
-    name, by = asked.path["name"], asked.session.user
-    if name == by:
-        raise RefusedError(409, "yourself", "another engineer must remove you")
-    await asked.centre.store.write(lambda database: users.remove(database, name, by))
-    return {}
-
-
-async def token(asked: Asked) -> Json:
-    body, user = asked.body, asked.session.user
-    seconds = body["days"] * DAY_S
-    return {
-        "token": await asked.centre.store.write(
-            lambda database: users.begin(database, user, body["label"], seconds)
-        )
-    }
 
 
 async def openapi(asked: Asked) -> Json:
@@ -439,18 +399,12 @@ async def openapi(asked: Asked) -> Json:
 # ---- the table -----------------------------------------------------------------------------------
 
 
-def _object(required: list[str], **properties: Json) -> Json:
-    return {"type": "object", "required": required, "properties": properties}
-
-
 MILLISECONDS = {"type": "integer", "description": "milliseconds since 1970, UTC"}
 SPAN: dict[str, Json] = {"from": MILLISECONDS, "to": MILLISECONDS}
 STATION: dict[str, Json] = {"station": {"type": "integer", "description": "only of this one"}}
 CSV: dict[str, Json] = {"format": {"type": "string", "enum": ["csv"]}}
 FORMAT: dict[str, Json] = {"format": {"type": "string", "enum": list(formats.FORMATS)}}
 STEP = {"type": "integer", "description": "milliseconds: only the last place of each such time"}
-NAME = {"type": "string", "minLength": 1, "maxLength": users.NAME_MOST}
-PASSWORD = {"type": "string", "maxLength": 256}
 NUMBER = {"type": "number"}
 
 ROUTES = [
@@ -471,11 +425,11 @@ ROUTES = [
     Route("GET", "/api/alarms", "viewer", "open alarms, or all of a time", alarms, SPAN),
     Route("POST", "/api/alarms/{id}/acknowledge", "operator", "acknowledge an alarm", acknowledge),
     Route("POST", "/api/alarms/{id}/shelve", "operator", "put an alarm aside for minutes; 0 brings it back",
-          shelve, body=_object(["minutes"], minutes={"type": "number", "minimum": 0, "maximum": 10080})),
+          shelve, body=described(["minutes"], minutes={"type": "number", "minimum": 0, "maximum": 10080})),
     Route("GET", "/api/commands", "viewer", "the last commands", commands),
     Route("GET", "/api/commands/{id}", "viewer", "one command", one_command),
     Route("POST", "/api/commands", "operator", "select, or command where nothing is selected", command,
-          body=_object(["point", "value"], point={"type": "integer"}, value=NUMBER)),
+          body=described(["point", "value"], point={"type": "integer"}, value=NUMBER)),
     Route("POST", "/api/commands/{id}/execute", "operator", "execute what is selected", execute),
     Route("POST", "/api/commands/{id}/cancel", "operator", "cancel what is selected", cancel),
     Route("POST", "/api/stations/{id}/interrogate", "operator", "a general interrogation", interrogate),
@@ -485,17 +439,7 @@ ROUTES = [
     Route("GET", "/api/audit", "engineer", "who did what, the last 30 days unless asked for", audited,
           {**SPAN, **STATION, **CSV, "user": {"type": "string", "description": "only of this one"},
            "kind": {"type": "string", "enum": list(AUDITED)}}),
-    Route("GET", "/api/users", "engineer", "all users", all_users),
-    Route("POST", "/api/users", "engineer", "add a user, or change one, who may keep the password", put_user,
-          confirms=True,
-          body=_object(["name", "role", "own_password"], name=NAME, role={"enum": list(users.ROLES)},
-                       password=PASSWORD, own_password=PASSWORD, disabled={"type": "boolean"},
-                       groups={"type": "array", "items": {"type": "string", "maxLength": 64}})),
-    Route("POST", "/api/users/{name}/remove", "engineer", "remove a user", remove_user, confirms=True,
-          body=_object(["own_password"], own_password=PASSWORD)),
-    Route("POST", "/api/tokens", "viewer", "a token of one's own, for a program", token,
-          body=_object(["label", "days"], label=NAME,
-                       days={"type": "number", "exclusiveMinimum": 0, "maximum": TOKEN_DAYS_MOST})),
+    *accounts.ROUTES,
 ]  # fmt: skip
 
 

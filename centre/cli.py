@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from openrtu_tools.centre.roles import ROLES
+from openrtu_tools.centre.roles import ROLES, SCOPES
 
 PAGE = Path(__file__).resolve().parent / "built"
 
@@ -29,6 +29,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     token = verbs.add_parser("token", help="print a new token, with the rights of a user, for a program")
     token.add_argument("name")
     token.add_argument("--label", default="command line", help="what it is for [command line]")
+    token.add_argument(
+        "--scope", choices=SCOPES, default="read", help="what it may at most: read, command, or all [read]"
+    )
     token.add_argument("--days", type=float, default=365, help="how long it is good [365]")
     verbs.add_parser("station", help="print the gateway's configuration that a higher centre is served by")
 

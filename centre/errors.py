@@ -13,10 +13,11 @@ class CentreError(ToolError):
 class RefusedError(CentreError):
     """A request that the centre does not do. `status` is HTTP's; the page has words for `code`."""
 
-    def __init__(self, status: int, code: str, text: str) -> None:
+    def __init__(self, status: int, code: str, text: str, wait_s: float = 0.0) -> None:
         super().__init__(text)
         self.status = status
         self.code = code
+        self.wait_s = wait_s  # then it may be asked again
 
 
 class StoreError(CentreError):

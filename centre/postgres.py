@@ -170,6 +170,12 @@ MIGRATIONS = (
         PRIMARY KEY (point, tag_ns, value, quality)
     );
     """,
+    """
+    ALTER TABLE sessions ADD COLUMN scope TEXT NOT NULL DEFAULT 'engineer';
+    ALTER TABLE sessions ADD COLUMN begun_s BIGINT NOT NULL DEFAULT 0;
+    ALTER TABLE sessions ADD COLUMN seen_s BIGINT NOT NULL DEFAULT 0;
+    ALTER TABLE sessions ADD COLUMN address TEXT NOT NULL DEFAULT '';
+    """,
 )
 
 # Of a database that has PostGIS, for those who read: QGIS, distances. In degrees of WGS 84, and metres,

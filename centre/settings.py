@@ -8,6 +8,7 @@ import io
 import json
 import subprocess
 from dataclasses import dataclass, field
+from ipaddress import ip_network
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ import jsonschema
 
 from openrtu_tools.centre.areas import Area
 from openrtu_tools.centre.errors import CentreError
+from openrtu_tools.centre.peers import Network
 from openrtu_tools.centre.records import Content
 from openrtu_tools.programs import command
 
@@ -141,6 +143,7 @@ CENTRE = {
     "gap_s": {"type": "number", "exclusiveMinimum": 0},
     "session_h": {"type": "number", "exclusiveMinimum": 0},
     "secure": {"type": "boolean"},
+    "proxies": {"type": "array", "items": {"type": "string"}},
     "map": {"type": "string"},
     "tls": TLS,
     "areas": {"type": "array", "items": AREA},
@@ -310,6 +313,7 @@ class Settings:
     mqtt: Mqtt | None = None
     higher: Higher | None = None
     push: Push | None = None
+    proxies: tuple[Network, ...] = ()  # whose X-Forwarded-For is believed
 
     @property
     def sockets(self) -> list[Path]:
@@ -361,7 +365,15 @@ def load(path: Path) -> Settings:
         _mqtt(own["mqtt"], folder) if "mqtt" in own else None,
         _higher(own, folder) if "higher" in own else None,
         _push(own["push"], folder) if "push" in own else None,
+        _proxies(own.get("proxies", [])),
     )
+
+
+def _proxies(wanted: list[str]) -> tuple[Network, ...]:
+    try:
+        return tuple(ip_network(text) for text in wanted)
+    except ValueError as error:
+        raise CentreError(f"proxies: {error}: give addresses or networks, as 192.0.2.0/24") from error
 
 
 def _push(wanted: Json, folder: Path) -> Push:

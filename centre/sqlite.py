@@ -142,6 +142,13 @@ MIGRATIONS = (
         PRIMARY KEY (point, tag_ns, value, quality)
     ) WITHOUT ROWID;
     """,
+    """
+    -- What a token may at most; the tokens of before may what their users may.
+    ALTER TABLE sessions ADD COLUMN scope TEXT NOT NULL DEFAULT 'engineer';
+    ALTER TABLE sessions ADD COLUMN begun_s INTEGER NOT NULL DEFAULT 0;
+    ALTER TABLE sessions ADD COLUMN seen_s INTEGER NOT NULL DEFAULT 0;
+    ALTER TABLE sessions ADD COLUMN address TEXT NOT NULL DEFAULT '';
+    """,
 )
 
 

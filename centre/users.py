@@ -12,13 +12,16 @@ from dataclasses import dataclass
 
 from openrtu_tools.centre.errors import RefusedError
 from openrtu_tools.centre.model import Station
-from openrtu_tools.centre.roles import ROLES
+from openrtu_tools.centre.roles import ROLES, SCOPES
 from openrtu_tools.centre.store import Database, Row, audit
 
 PASSWORD_LEAST = 10
 # RFC 7914; 16 MiB and some 50 ms: too dear to guess with.
 SCRYPT = {"n": 2**14, "r": 8, "p": 1}
 NAME_MOST = 64
+
+
+SESSIONS_MOST = 50  # of a user, and as many tokens
 
 
 @dataclass(frozen=True)
@@ -28,6 +31,7 @@ class Session:
     csrf: str
     label: str  # of a token; "" of a browser
     groups: frozenset[str] = frozenset()  # whose stations alone are seen; none: all
+    id: str = ""
 
     def sees(self, station: Station) -> bool:
         return not self.groups or station.settings.group in self.groups
@@ -40,9 +44,14 @@ def _hash(password: str, salt: bytes) -> bytes:
     return hashlib.scrypt(password.encode(), salt=salt, **SCRYPT)
 
 
-def _hash_secret(secret: str) -> bytes:
+def hash_secret(secret: str) -> bytes:
     """A secret of 256 random bits needs no slow hash."""
     return hashlib.sha256(secret.encode()).digest()
+
+
+def _check_password(password: str) -> None:
+    if len(password) < PASSWORD_LEAST:
+        raise RefusedError(400, "password", f"a password has at least {PASSWORD_LEAST} characters")
 
 
 def put(
@@ -58,10 +67,10 @@ def put(
     wanted = sorted({*groups})
     if role not in ROLES:
         raise RefusedError(400, "role", f"{role} is no role: {', '.join(ROLES)}")
-    if not name.strip() or len(name) > NAME_MOST:
-        raise RefusedError(400, "name", f"a name has 1 to {NAME_MOST} characters")
-    if password is not None and len(password) < PASSWORD_LEAST:
-        raise RefusedError(400, "password", f"a password has at least {PASSWORD_LEAST} characters")
+    if not name.strip() or len(name) > NAME_MOST or not name.isprintable():
+        raise RefusedError(400, "name", f"a name has 1 to {NAME_MOST} characters that can be printed")
+    if password is not None:
+        _check_password(password)
     if wanted and role == ROLES[-1]:
         # Who manages users could give itself all stations.
         raise RefusedError(400, "groups", f"the role {role} sees all stations: give no groups")
@@ -92,6 +101,23 @@ def remove(database: Database, name: str, by: str) -> None:
     audit(database, time.time_ns(), by, "user removed", name)
 
 
+def fresh(password: str) -> tuple[bytes, bytes]:
+    """Its salt and hash. Raises RefusedError."""
+    _check_password(password)
+    salt = secrets.token_bytes(16)
+    return salt, _hash(password, salt)
+
+
+def change_password(database: Database, session: Session, salt: bytes, hashed: bytes) -> None:
+    """One's own. Ends all other sessions and tokens of the user: who knew the old one is out."""
+    still(database, session)
+    database.execute("UPDATE users SET salt = ?, hash = ? WHERE name = ?", (salt, hashed, session.user))
+    for row in _of_user(database, session.user):
+        if id_of(row["hash"]) != session.id:
+            database.execute("DELETE FROM sessions WHERE hash = ?", (row["hash"],))
+    audit(database, time.time_ns(), session.user, "password")
+
+
 def fits(password: str, row: Row | None) -> bool:
     """As slow for a name that is not there, or is disabled: nobody learns names by time."""
     salt = row["salt"] if row else bytes(16)
@@ -99,38 +125,134 @@ def fits(password: str, row: Row | None) -> bool:
     return same and row is not None and not row["disabled"]
 
 
-def exists(database: Database, name: str) -> bool:
-    return database.execute("SELECT 1 FROM users WHERE name = ?", (name,)).fetchone() is not None
+def row_of(database: Database, name: str) -> Row | None:
+    row = database.execute("SELECT * FROM users WHERE name = ?", (name,)).fetchone()
+    return dict(row) if row else None
 
 
-def begin(database: Database, user: str, label: str, seconds: float) -> str:
-    """A new session or token; its secret, which nobody can read again."""
+# ---- sessions and tokens -------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """A new session, or a token."""
+
+    seconds: float
+    address: str = ""
+    label: str = ""
+    scope: str = "engineer"  # no less than the user may
+
+
+def now_s() -> int:
+    return int(time.time())
+
+
+def id_of(hashed: bytes) -> str:
+    """By which it is named to its user: nobody gets in with a part of a hash."""
+    return hashed.hex()[:16]
+
+
+def begin(database: Database, row: Row, wanted: Wanted) -> str:
+    """Its secret, which nobody can read again. `row`: the user as the password was compared with.
+
+    Raises RefusedError if the user is another one meanwhile.
+    """
+    user = row["name"]
+    now = row_of(database, user)
+    if not now or now["disabled"] or now["hash"] != row["hash"]:
+        raise RefusedError(401, "password", "the user was changed meanwhile: log in again")
     secret = secrets.token_urlsafe(32)
-    now_s = int(time.time())
-    database.execute("DELETE FROM sessions WHERE expires_s <= ?", (now_s,))
+    begun_s = now_s()
+    database.execute("DELETE FROM sessions WHERE expires_s <= ?", (begun_s,))
+    same = [each for each in _of_user(database, user) if bool(each["label"]) == bool(wanted.label)]
+    if len(same) >= SESSIONS_MOST and wanted.label:
+        raise RefusedError(409, "tokens", f"you have {SESSIONS_MOST} tokens: end one of them first")
+    for each in same[: len(same) - SESSIONS_MOST + 1] if len(same) >= SESSIONS_MOST else ():
+        database.execute("DELETE FROM sessions WHERE hash = ?", (each["hash"],))
     database.execute(
-        'INSERT INTO sessions (hash, "user", csrf, label, expires_s) VALUES (?, ?, ?, ?, ?)',
-        (_hash_secret(secret), user, secrets.token_urlsafe(24), label, now_s + int(seconds)),
+        'INSERT INTO sessions (hash, "user", csrf, label, expires_s, scope, begun_s, seen_s, address)'
+        " VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        (
+            hash_secret(secret),
+            user,
+            secrets.token_urlsafe(24),
+            wanted.label,
+            begun_s + int(wanted.seconds),
+            wanted.scope,
+            begun_s,
+            begun_s,
+            wanted.address,
+        ),
     )
-    audit(database, time.time_ns(), user, "token" if label else "login", label)
+    done = ("token", f"{wanted.label}: {wanted.scope}") if wanted.label else ("login", "")
+    audit(database, time.time_ns(), user, *done)
     return secret
 
 
+def unstored(row: Row) -> tuple[str, Session]:
+    """A session that only looks; it lives as long as somebody keeps it in mind."""
+    groups = frozenset(row["groups"].split("\n")) - {""}
+    return secrets.token_urlsafe(32), Session(row["name"], ROLES[0], secrets.token_urlsafe(24), "", groups)
+
+
 def end(database: Database, secret: str) -> None:
-    database.execute("DELETE FROM sessions WHERE hash = ?", (_hash_secret(secret),))
+    database.execute("DELETE FROM sessions WHERE hash = ?", (hash_secret(secret),))
+
+
+def end_one(database: Database, user: str, id_: str, by: str) -> None:
+    for row in _of_user(database, user):
+        if id_of(row["hash"]) == id_:
+            database.execute("DELETE FROM sessions WHERE hash = ?", (row["hash"],))
+            detail = f"{user}: {row['label']}" if row["label"] else user
+            audit(database, time.time_ns(), by, "token ended" if row["label"] else "session ended", detail)
+            return
+    raise RefusedError(404, "unknown", "there is no such session or token, or it has ended")
+
+
+def still(database: Database, session: Session) -> None:
+    """Raises RefusedError unless it is there yet, with its role: it may have ended since it was looked at."""
+    rows = database.execute(
+        "SELECT sessions.hash, role FROM sessions JOIN users ON users.name = sessions.user"
+        ' WHERE sessions."user" = ? AND expires_s > ? AND disabled = 0',
+        (session.user, now_s()),
+    )
+    if not any(id_of(row["hash"]) == session.id and _least(row["role"], session.role) for row in rows):
+        raise RefusedError(401, "session", "log in: there is no such session, or it has ended")
+
+
+def _least(role: str, wanted: str) -> bool:
+    return ROLES.index(role) >= ROLES.index(wanted)
+
+
+def _of_user(database: Database, user: str) -> list[Row]:
+    """The oldest first."""
+    sql = 'SELECT hash, label FROM sessions WHERE "user" = ? ORDER BY begun_s, expires_s'
+    return [dict(row) for row in database.execute(sql, (user,))]
+
+
+def seen(database: Database, when_s: dict[bytes, int]) -> None:
+    """When each was used last."""
+    for hashed, second in when_s.items():
+        database.execute("UPDATE sessions SET seen_s = ? WHERE hash = ?", (second, hashed))
 
 
 FIND = (
-    'SELECT users.name AS "user", role, csrf, label, groups FROM sessions'
+    'SELECT users.name AS "user", role, csrf, label, groups, scope, sessions.hash, seen_s FROM sessions'
     " JOIN users ON users.name = sessions.user WHERE sessions.hash = ? AND expires_s > ? AND disabled = 0"
+)
+LIST = (
+    "SELECT hash, label, scope, begun_s, seen_s, expires_s, address FROM sessions"
+    ' WHERE "user" = ? AND expires_s > ? ORDER BY begun_s DESC, hash'
 )
 
 
 def found(row: Row) -> Session:
-    """What FIND has found."""
-    return Session(**{**row, "groups": frozenset(row["groups"].split("\n")) - {""}})
+    """What FIND has found. A token may no more than its user, and than its scope says."""
+    role = min(row["role"], SCOPES[row["scope"]], key=ROLES.index)
+    groups = frozenset(row["groups"].split("\n")) - {""}
+    return Session(row["user"], role, row["csrf"], row["label"], groups, id_of(row["hash"]))
 
 
 def find_values(secret: str) -> tuple[bytes, int]:
     """What FIND is asked with."""
-    return _hash_secret(secret), int(time.time())
+    return hash_secret(secret), now_s()

@@ -21,6 +21,7 @@ from openrtu_tools.centre.api import ROUTES
 from openrtu_tools.centre.centre import Centre
 from openrtu_tools.centre.certificate import renew, tls_context
 from openrtu_tools.centre.database import open_store
+from openrtu_tools.centre.entrance import Entrance
 from openrtu_tools.centre.errors import CentreError
 from openrtu_tools.centre.push import Pusher
 from openrtu_tools.centre.web import Server
@@ -40,9 +41,7 @@ async def serve(what: settings.Settings, page: Path) -> None:
         runner = web.AppRunner(Server(centre, ROUTES, page).application, access_log=None)
         await runner.setup()
         try:
-            await web.TCPSite(
-                runner, what.address, what.port, shutdown_timeout=1, ssl_context=secured
-            ).start()
+            await Entrance(runner, what.address, what.port, secured, what.proxies).start()
         except OSError as error:
             raise CentreError(f"{what.address} port {what.port}: {error.strerror}") from error
         log.info("serves http%s://%s:%s", "s" if secured else "", what.address, what.port)
@@ -82,13 +81,14 @@ def add_user(what: settings.Settings, name: str, role: str, groups: list[str]) -
         store.close()
 
 
-def give_token(what: settings.Settings, name: str, label: str, days: float) -> None:
+def give_token(what: settings.Settings, name: str, wanted: users.Wanted) -> None:
     """Prints it."""
     store = open_store(what.database, alone=False)
     try:
-        if not store.transaction(lambda database: users.exists(database, name)):
+        row = store.transaction(lambda database: users.row_of(database, name))
+        if not row:
             raise CentreError(f"there is no user {name}: `openrtu centre FILE user {name}` adds one")
-        print(store.transaction(lambda database: users.begin(database, name, label, days * 86400)))
+        print(store.transaction(lambda database: users.begin(database, row, wanted)))
     finally:
         store.close()
 
@@ -123,7 +123,8 @@ def run(parsed: argparse.Namespace) -> int:
     elif parsed.verb == "user":
         add_user(what, parsed.name, parsed.role, parsed.group)
     elif parsed.verb == "token":
-        give_token(what, parsed.name, parsed.label, parsed.days)
+        wanted = users.Wanted(parsed.days * 86400, "", parsed.label, parsed.scope)
+        give_token(what, parsed.name, wanted)
     elif parsed.verb == "station":
         give_station(what)
     elif parsed.start:

@@ -4,32 +4,32 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import logging
+import math
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import jsonschema
 from aiohttp import web
 
-from openrtu_tools.centre import users
+from openrtu_tools.centre import peers, users
 from openrtu_tools.centre.centre import Centre
 from openrtu_tools.centre.errors import RefusedError, StoreError
+from openrtu_tools.centre.login import Login
 from openrtu_tools.centre.model import Point, Station
 from openrtu_tools.centre.stream import MESSAGE_MOST, Stream
 from openrtu_tools.centre.users import Session
+from openrtu_tools.centre.wire import Json, check, check_text, read_body
 
 log = logging.getLogger("centre")
 
 COOKIE = "openrtu_session"
 CSRF = "X-CSRF-Token"
 BODY_MOST = 64 * 1024
-GUESSES, GUESSES_S = 5, 60.0  # so many wrong passwords of a name, and it waits so long
-GUESSED_NAMES = 10_000
-HASHES_AT_ONCE = 2  # each takes 16 MiB
+SEEN_S, SEEN_AGAIN_S = 60, 5.0  # how exactly is kept when a session was used last
 HEADERS = {
     # maplibre draws its symbols from blobs; all code is ours.
     "Content-Security-Policy": "default-src 'self'; img-src 'self' data: blob:; worker-src 'self' blob:;"
@@ -41,7 +41,6 @@ HEADERS = {
     "Permissions-Policy": "geolocation=(), camera=(), microphone=()",
 }
 
-Json = dict[str, Any]
 Handler = Callable[["Asked"], Awaitable[Any]]
 
 
@@ -51,6 +50,8 @@ class Asked:
 
     centre: Centre
     session: Session
+    login: Login
+    address: str  # where it comes from
     request: web.Request
     path: dict[str, str]
     query: dict[str, str]
@@ -92,6 +93,7 @@ class Route:
     body: Json | None = None
     answer: str = "application/json"
     confirms: bool = False  # who asks says the own password again, as `own_password` of the body
+    token: bool = True  # a program may, too
 
 
 class Server:
@@ -100,12 +102,13 @@ class Server:
     def __init__(self, centre: Centre, routes: list[Route], page: Path) -> None:
         self.centre = centre
         self.page = page
-        self.guesses: dict[str, tuple[int, float]] = {}
-        self.hashing = asyncio.Semaphore(HASHES_AT_ONCE)
+        self.login = Login(centre)
+        self.seen: dict[bytes, int] = {}  # since when it is not stored yet that a session was used
         self.application = web.Application(middlewares=[self.guard], client_max_size=BODY_MOST)
+        self.application.cleanup_ctx.append(self.keep_notes)
         router = self.application.router
-        router.add_post("/api/login", self.login)
-        router.add_post("/api/logout", self.logout)
+        router.add_post("/api/login", self.log_in)
+        router.add_post("/api/logout", self.log_out)
         router.add_get("/api/stream", self.stream)
         for route in routes:
             router.add_route(route.method, route.path, self.answering(route))
@@ -119,10 +122,23 @@ class Server:
         self, request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
     ) -> web.StreamResponse:
         """Errors as JSON, and the headers that keep a browser from running what is not ours."""
+        place = getattr(request.protocol, "place", None)
+        if place:
+            place.begin()
+        try:
+            response = await self.answered(request, handler)
+        finally:
+            if place:
+                place.done()
+        return response
+
+    async def answered(
+        self, request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
+    ) -> web.StreamResponse:
         try:
             response = await handler(request)
         except RefusedError as error:
-            response = web.json_response({"code": error.code, "error": str(error)}, status=error.status)
+            response = refusal(error)
         except web.HTTPException as error:
             response = web.json_response({"code": "http", "error": error.reason}, status=error.status)
         except StoreError as error:
@@ -136,43 +152,91 @@ class Server:
 
     def answering(self, route: Route) -> Callable[[web.Request], Awaitable[web.StreamResponse]]:
         async def answer(request: web.Request) -> web.StreamResponse:
-            session = await self.session(request)
-            if not session.may(route.role):
-                raise RefusedError(403, "role", f"this needs the role {route.role}")
-            query = dict(request.query)
+            session = await self.allowed(request, route)
+            for text in (*request.query.keys(), *request.query.values(), *request.match_info.values()):
+                check_text(text)
             check(
                 {
                     "type": "object",
                     "properties": {name: {} for name in route.query},
                     "additionalProperties": False,
                 },
-                query,
+                dict(request.query),
             )
-            body = await read_body(request, route.body) if route.body else {}
-            if route.confirms and not await self.fits(session.user, body["own_password"], request.remote):
-                raise RefusedError(403, "own_password", "your own password is wrong")
-            asked = Asked(self.centre, session, request, dict(request.match_info), query, body)
+            body: Json = {}
+            if route.body:
+                body = await read_body(request, route.body)
+                session = await self.allowed(request, route)  # which may have ended while the body came
+            address = self.source(request)
+            if route.confirms:
+                await self.login.confirm(session, body["own_password"], address)
+            asked = Asked(
+                self.centre, session, self.login, address, request,
+                dict(request.match_info), dict(request.query), body,
+            )  # fmt: skip
             result = await route.handler(asked)
             return result if isinstance(result, web.StreamResponse) else web.json_response(result)
 
         return answer
+
+    async def allowed(self, request: web.Request, route: Route) -> Session:
+        session = await self.session(request)
+        if session.label and not route.token:
+            raise RefusedError(403, "token", "a token does not do this: log in")
+        if not session.may(route.role):
+            raise RefusedError(403, "role", f"this needs the role {route.role}")
+        return session
+
+    def source(self, request: web.Request) -> str:
+        forwarded = request.headers.getall("X-Forwarded-For", [])
+        return peers.source(request.remote or "", forwarded, self.centre.settings.proxies)
 
     async def session(self, request: web.Request) -> Session:
         """Raises RefusedError. A browser sends the cookie by itself: what changes something needs more."""
         kind, _, token = request.headers.get("Authorization", "").partition(" ")
         by_token = kind == "Bearer"
         secret = token if by_token else request.cookies.get(COOKIE, "")
-        rows = await self.centre.store.read(users.FIND, *users.find_values(secret)) if secret else []
-        if not rows or bool(rows[0]["label"]) != by_token:
+        session = await self.known(secret) if secret else None
+        if not session or bool(session.label) != by_token:
             raise RefusedError(401, "session", "log in: there is no such session, or it has ended")
-        session = users.found(rows[0])
         if request.method != "GET" and not by_token and request.headers.get(CSRF) != session.csrf:
             raise RefusedError(403, "csrf", f"the header {CSRF} is missing or wrong: load the page again")
+        if place := getattr(request.protocol, "place", None):
+            place.member = True
         return session
+
+    async def known(self, secret: str) -> Session | None:
+        check_text(secret)
+        if session := await self.login.find_kept(secret):
+            return session
+        rows = await self.centre.store.read(users.FIND, *users.find_values(secret))
+        if not rows:
+            return None
+        now_s = int(time.time())
+        if now_s - rows[0]["seen_s"] >= SEEN_S:
+            self.seen[rows[0]["hash"]] = now_s
+        return users.found(rows[0])
+
+    async def keep_notes(self, _: web.Application) -> AsyncIterator[None]:
+        """Beside all requests: when sessions were used, and what was refused."""
+        noting = [asyncio.create_task(self.note_seen()), asyncio.create_task(self.login.audit_refused())]
+        yield
+        for task in noting:
+            task.cancel()
+        await asyncio.gather(*noting, return_exceptions=True)
+
+    async def note_seen(self) -> None:
+        """All in one transaction. That it cannot be stored stops nobody."""
+        while True:
+            await asyncio.sleep(SEEN_AGAIN_S)
+            seen, self.seen = self.seen, {}
+            if seen:
+                with suppress(StoreError):
+                    await self.centre.store.write(lambda database, seen=seen: users.seen(database, seen))
 
     # ---- sessions ----------------------------------------------------------------------------
 
-    async def login(self, request: web.Request) -> web.Response:
+    async def log_in(self, request: web.Request) -> web.Response:
         text = {"type": "string", "maxLength": 256}
         schema = {
             "type": "object",
@@ -181,39 +245,19 @@ class Server:
         }
         check_origin(request)
         body = await read_body(request, schema)
-        name = body["name"]
-        if not await self.fits(name, body["password"], request.remote):
-            raise RefusedError(401, "password", "the name or the password is wrong")
-        seconds = self.centre.settings.session_h * 3600
-        secret = await self.centre.store.write(lambda database: users.begin(database, name, "", seconds))
+        address = self.source(request)
+        row = await self.login.row_of(body["name"], body["password"], address)
+        secret = await self.login.begin(row, address)
         response = web.json_response({})
         response.set_cookie(
-            COOKIE, secret, max_age=int(seconds), httponly=True, samesite="Strict",
-            secure=self.centre.settings.secure, path="/",
+            COOKIE, secret, max_age=int(self.centre.settings.session_h * 3600), httponly=True,
+            samesite="Strict", secure=self.centre.settings.secure, path="/",
         )  # fmt: skip
         return response
 
-    async def fits(self, name: str, password: str, remote: str | None) -> bool:
-        """Whether it is the user's. Raises RefusedError after too many that are not."""
-        wrong, until = self.guesses.get(name, (0, 0.0))
-        if wrong >= GUESSES and time.monotonic() < until:
-            raise RefusedError(429, "guesses", "too many wrong passwords: wait a minute")
-        rows = await self.centre.store.read("SELECT * FROM users WHERE name = ?", name)
-        async with self.hashing:
-            fits = await asyncio.to_thread(users.fits, password, rows[0] if rows else None)
-        if fits:
-            self.guesses.pop(name, None)
-        else:
-            if len(self.guesses) >= GUESSED_NAMES:
-                self.guesses.clear()
-            self.guesses[name] = (wrong % GUESSES + 1, time.monotonic() + GUESSES_S)
-            log.warning("a wrong password or name from %s", remote)
-        return fits
-
-    async def logout(self, request: web.Request) -> web.Response:
+    async def log_out(self, request: web.Request) -> web.Response:
         await self.session(request)
-        secret = request.cookies.get(COOKIE, "")
-        await self.centre.store.write(lambda database: users.end(database, secret))
+        await self.login.end(request.cookies.get(COOKIE, ""))
         response = web.json_response({})
         response.del_cookie(COOKIE, path="/")
         return response
@@ -250,18 +294,24 @@ class Server:
     async def file(self, request: web.Request) -> web.StreamResponse:
         """What was built, and nothing else."""
         name = request.match_info["file"] or "index.html"
-        path = (self.page / name).resolve()
-        if not path.is_relative_to(self.page.resolve()) or not path.is_file():
-            raise web.HTTPNotFound(reason=f"there is no {name}")
+        check_text(name)
+        try:
+            path = (self.page / name).resolve()
+            found = path.is_relative_to(self.page.resolve()) and path.is_file()
+        except (OSError, RuntimeError):  # no file can be called so
+            found = False
+        if not found:
+            raise web.HTTPNotFound(reason="there is no such file")
         return web.FileResponse(path, headers={"Cache-Control": "no-cache"})
 
 
-def check(schema: Json, value: Any) -> None:
-    """Raises RefusedError with the first mistake."""
-    error = next(iter(jsonschema.Draft202012Validator(schema).iter_errors(value)), None)
-    if error:
-        place = ".".join(map(str, error.absolute_path))
-        raise RefusedError(400, "form", f"{place + ': ' if place else ''}{error.message}")
+def refusal(error: RefusedError) -> web.Response:
+    answer: Json = {"code": error.code, "error": str(error)}
+    headers = {}
+    if error.wait_s:
+        answer["wait_s"] = math.ceil(error.wait_s)
+        headers["Retry-After"] = str(answer["wait_s"])
+    return web.json_response(answer, status=error.status, headers=headers)
 
 
 def check_origin(request: web.Request) -> None:
@@ -269,14 +319,3 @@ def check_origin(request: web.Request) -> None:
     origin = request.headers.get("Origin")
     if origin and origin.partition("://")[2] != request.host:
         raise RefusedError(403, "origin", f"{origin} is another site")
-
-
-async def read_body(request: web.Request, schema: Json) -> Json:
-    if request.content_type != "application/json":
-        raise RefusedError(415, "form", "the body must be application/json")
-    try:
-        body = json.loads(await request.text() or "{}")
-    except (ValueError, RecursionError) as error:
-        raise RefusedError(400, "form", f"the body is not JSON: {error}") from error
-    check({**schema, "additionalProperties": False}, body)
-    return body

@@ -6,6 +6,7 @@ from __future__ import annotations
 import http.client
 import json
 import ssl
+from collections.abc import Mapping
 from typing import Any, Self
 
 LIMIT_S = 60.0  # for a hang only
@@ -14,18 +15,23 @@ LIMIT_S = 60.0  # for a hang only
 class AnswerError(AssertionError):
     """The centre refused."""
 
-    def __init__(self, status: int, answer: Any) -> None:
+    def __init__(self, status: int, answer: Any, headers: Mapping[str, str]) -> None:
         super().__init__(f"{status}: {answer}")
         self.status = status
+        self.answer = answer
+        self.headers = headers
         self.code = answer.get("code") if isinstance(answer, dict) else None
 
 
 class Client:
     """Asks over HTTP, as a browser or, with a token, as a program."""
 
-    def __init__(self, port: int, token: str = "", tls: ssl.SSLContext | None = None) -> None:
+    def __init__(
+        self, port: int, token: str = "", tls: ssl.SSLContext | None = None, source: str = "127.0.0.1"
+    ) -> None:
         self.port = port
         self.tls = tls
+        self.source = source
         self.headers: dict[str, str] = {"Authorization": f"Bearer {token}"} if token else {}
 
     def login(self, name: str, password: str) -> Self:
@@ -40,10 +46,12 @@ class Client:
     ) -> tuple[http.client.HTTPResponse, bytes]:
         if self.tls:
             connection: http.client.HTTPConnection = http.client.HTTPSConnection(
-                "127.0.0.1", self.port, timeout=LIMIT_S, context=self.tls
+                "127.0.0.1", self.port, timeout=LIMIT_S, source_address=(self.source, 0), context=self.tls
             )
         else:
-            connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=LIMIT_S)
+            connection = http.client.HTTPConnection(
+                "127.0.0.1", self.port, timeout=LIMIT_S, source_address=(self.source, 0)
+            )
         media = {"Content-Type": "application/json"} if method != "GET" else {}
         content = json.dumps(body or {}) if method != "GET" else None
         connection.request(method, path, content, {**media, **self.headers, **headers})
@@ -51,7 +59,7 @@ class Client:
         octets = response.read()
         connection.close()
         if response.status >= 400:
-            raise AnswerError(response.status, json.loads(octets))
+            raise AnswerError(response.status, json.loads(octets), response.headers)
         return response, octets
 
     def get(self, path: str) -> Any:

@@ -106,6 +106,7 @@ class Site:
         self.file = folder / "centre.json"
         self.page = page
         self.tls: ssl.SSLContext | None = None  # with which it is asked
+        self.before: list[str] = []  # starts the centre, as prlimit
         content = {"retry_ms": 50, "retry_max_ms": 200, "stations": stations, **keys}
         content["centre"] = {"port": self.port, **keys.get("centre", {})}
         if server:
@@ -146,7 +147,8 @@ class Site:
     def start_centre(self) -> None:
         log = (self.folder / "centre.log").open("a")
         page = ("--page", str(self.page)) if self.page else ()
-        command = [sys.executable, "-m", "openrtu_tools", "centre", str(self.file), "serve", *page]
+        serve = ("-m", "openrtu_tools", "centre", str(self.file), "serve", *page)
+        command = [*self.before, sys.executable, *serve]
         self.centre = subprocess.Popen(command, stderr=log, text=True, env=self.environment)
         until(self.answers, f"the centre answers: {self.log()}")
 

@@ -150,7 +150,7 @@ def city(
     with Site(
         programs, folder, here, users=["olga", "emil"], centre={"higher": higher, "push": push}
     ) as site:
-        (folder / "token").write_text(site.run("token", "olga", "--label", "the city"))
+        (folder / "token").write_text(site.run("token", "olga", "--label", "the city", "--scope", "command"))
         configuration = json.loads(site.run("station"))
         for module in configuration["modules"]:
             module["program"] = str(program)

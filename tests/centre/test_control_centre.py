@@ -28,6 +28,7 @@ from openrtu_tools.centre.stream import View
 
 INVALID = 128
 CONFIRMED = {"own_password": PASSWORD}
+TOKEN = {"label": "report", "days": 1, "scope": "read", **CONFIRMED}
 
 
 def now_ms() -> int:
@@ -672,7 +673,7 @@ def test_token_is_worth_no_more_than_its_user(site: Site) -> None:
     user = {"name": "tina", "role": "operator", "password": PASSWORD, **CONFIRMED}
 
     def token() -> Client:
-        made = site.client().login("tina", PASSWORD).post("/api/tokens", {"label": "report", "days": 1})
+        made = site.client().login("tina", PASSWORD).post("/api/tokens", TOKEN)
         return Client(site.port, made["token"])
 
     def ended(client: Client) -> bool:
@@ -697,9 +698,9 @@ def test_token_is_worth_no_more_than_its_user(site: Site) -> None:
 
 def test_token_of_yesterday(site: Site) -> None:
     vera = site.client("vera")
-    token = vera.post("/api/tokens", {"label": "report", "days": 1})["token"]
+    token = vera.post("/api/tokens", TOKEN)["token"]
     assert Client(site.port, token).get("/api/me")["user"] == "vera"
-    short = vera.post("/api/tokens", {"label": "gone", "days": 0.000001})["token"]
+    short = vera.post("/api/tokens", {**TOKEN, "days": 0.000001})["token"]
     with pytest.raises(AnswerError) as refused:
         Client(site.port, short).get("/api/me")
     assert refused.value.status == 401
@@ -740,7 +741,7 @@ def test_user_who_is_disabled_keeps_the_password_and_may_nothing(site: Site) -> 
     assert refused.value.code == "password"
     engineer.post("/api/users", {**dora, "password": PASSWORD})
     client = site.client("dora")
-    token = client.post("/api/tokens", {"label": "report", "days": 1})["token"]
+    token = client.post("/api/tokens", TOKEN)["token"]
     engineer.post("/api/users", {**dora, "disabled": True})
     for each in (client, Client(site.port, token)):
         with pytest.raises(AnswerError) as refused:

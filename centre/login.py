@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Who comes in: passwords, how often they are guessed, and what is said of it in the audit."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections import OrderedDict
+from contextlib import suppress
+from functools import partial
+
+from openrtu_tools.centre import peers, users
+from openrtu_tools.centre.centre import Centre
+from openrtu_tools.centre.errors import RefusedError, StoreError
+from openrtu_tools.centre.store import Database, Row, audit
+from openrtu_tools.centre.tries import Limit, Pool, Tries
+from openrtu_tools.centre.users import Session
+
+log = logging.getLogger("centre")
+
+# Wrong passwords that are free: of a name from a host, of a host whatever the name, of a name from all hosts
+# where it did not come from before, of a session that is there.
+OF_BOTH, OF_HOST, OF_NAME, OF_SESSION = 5, 20, 50, 5
+KNOWN_MOST = 10_000
+# A hash takes 16 MiB. Whoever is in already never waits for strangers.
+THREADS, PLACES = 2, 32
+OWN_THREADS, OWN_PLACES = 1, 16
+AUDITED_MOST, AUDITED_S = 60, 60.0  # refused logins; what is more is counted
+READ_ONLY_S = 3600.0  # of a session that could not be stored
+READ_ONLY_MOST = 1000
+
+
+class Login:
+    def __init__(self, centre: Centre) -> None:
+        self.centre = centre
+        self.tries = Tries()
+        self.strangers = Pool(THREADS, PLACES)
+        self.own = Pool(OWN_THREADS, OWN_PLACES)
+        self.known: OrderedDict[tuple[str, str], None] = OrderedDict()  # a name, and a host it came from
+        self.kept: dict[bytes, tuple[float, Session, Row]] = {}  # could not be stored; until when it is good
+        self.refused: asyncio.Queue[tuple[str, str]] = asyncio.Queue()
+        self.said, self.said_since_s, self.unsaid = 0, 0.0, 0
+
+    # ---- a password --------------------------------------------------------------------------
+
+    async def row_of(self, name: str, password: str, address: str) -> Row:
+        """The user's. Raises RefusedError."""
+        host = peers.host(address)
+        both = Limit(("both", name, host), OF_BOTH)
+        limits = [both, Limit(("host", host), OF_HOST)]
+        if (name, host) not in self.known:
+            limits.append(Limit(("name", name), OF_NAME))
+        row, right = await self._looked(self.strangers, limits, name, password)
+        if not right:
+            self._say(name if row else "", address)
+            raise RefusedError(401, "password", "the name or the password is wrong")
+        assert row
+        self.tries.forget(both)
+        self.known[name, host] = None
+        self.known.move_to_end((name, host))
+        if len(self.known) > KNOWN_MOST:
+            self.known.popitem(last=False)
+        return row
+
+    async def confirm(self, session: Session, password: str, address: str) -> None:
+        """Who is in already says the own password again. What strangers guess does not count for it."""
+        limit = Limit(("session", session.id), OF_SESSION)
+        _, right = await self._looked(self.own, [limit], session.user, password)
+        if not right:
+            self._say(session.user, address)
+            raise RefusedError(403, "own_password", "your own password is wrong")
+        self.tries.forget(limit)
+
+    async def _looked(
+        self, pool: Pool, limits: list[Limit], name: str, password: str
+    ) -> tuple[Row | None, bool]:
+        """All is counted before anything is awaited."""
+        pool.take()
+        try:
+            self.tries.begin(limits)
+            try:
+                rows = await self.centre.store.read("SELECT * FROM users WHERE name = ?", name)
+                row = rows[0] if rows else None
+                right = await pool.do(partial(users.fits, password, row))
+            except BaseException:
+                self.tries.undo(limits)
+                raise
+        finally:
+            pool.give_back()
+        if right:
+            self.tries.undo(limits)
+        return row, right
+
+    # ---- the audit ---------------------------------------------------------------------------
+
+    def _say(self, name: str, address: str) -> None:
+        """A name that nobody has is left out: many a password was typed in its place."""
+        log.warning("a wrong password or name from %s", address)
+        now_s = time.monotonic()
+        if now_s >= self.said_since_s + AUDITED_S:
+            self.said, self.said_since_s = 0, now_s
+        if self.said < AUDITED_MOST:
+            self.said += 1
+            self.refused.put_nowait((name, address))
+        else:
+            self.unsaid += 1
+
+    async def audit_refused(self) -> None:
+        """Stores what was refused, for ever; so many in a time, that nobody fills the disk with it."""
+        while True:
+            said = []
+            with suppress(TimeoutError):
+                async with asyncio.timeout(AUDITED_S):
+                    said.append(await self.refused.get())
+            while not self.refused.empty():
+                said.append(self.refused.get_nowait())
+            unsaid, self.unsaid = self.unsaid, 0
+            if not said and not unsaid:
+                continue
+            try:
+                await self.centre.store.write(partial(_audit_refused, said=said, unsaid=unsaid))
+            except StoreError:
+                self.unsaid += unsaid + len(said)
+
+    # ---- a session ---------------------------------------------------------------------------
+
+    async def begin(self, row: Row, address: str) -> str:
+        """Its secret. While nothing can be stored, one that only reads, and that this process alone knows."""
+        seconds = self.centre.settings.session_h * 3600
+        if not self.centre.fault:
+            try:
+                return await self.centre.store.write(
+                    lambda database: users.begin(database, row, users.Wanted(seconds, address))
+                )
+            except StoreError as error:
+                log.error("a login of %s cannot be stored, it only reads: %s", row["name"], error)
+        now_s = time.monotonic()
+        self.kept = {hashed: each for hashed, each in self.kept.items() if each[0] > now_s}
+        if len(self.kept) >= READ_ONLY_MOST:
+            raise RefusedError(503, "store", "nothing can be stored, and too many have logged in since")
+        secret, session = users.unstored(row)
+        self.kept[users.hash_secret(secret)] = now_s + min(seconds, READ_ONLY_S), session, row
+        return secret
+
+    async def find_kept(self, secret: str) -> Session | None:
+        """It ends with a change of its user, as all others do."""
+        until_s, session, before = self.kept.get(users.hash_secret(secret), (0.0, None, None))
+        if not session or time.monotonic() >= until_s:
+            return None
+        rows = await self.centre.store.read("SELECT * FROM users WHERE name = ?", session.user)
+        return session if rows and rows[0] == before else None
+
+    async def end(self, secret: str) -> None:
+        if self.kept.pop(users.hash_secret(secret), None) is None:
+            await self.centre.store.write(lambda database: users.end(database, secret))
+
+
+def _audit_refused(database: Database, said: list[tuple[str, str]], unsaid: int) -> None:
+    now_ns = time.time_ns()
+    for name, address in said:
+        audit(database, now_ns, name, "login refused", f"from {address}{'' if name else ', unknown name'}")
+    if unsaid:
+        audit(database, now_ns, "", "login refused", f"{unsaid} more")
