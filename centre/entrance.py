@@ -171,6 +171,7 @@ class Entrance(web.BaseSite):
                 await asyncio.sleep(AGAIN_S)
                 continue
             self._enter(connection, peer)
+            await asyncio.sleep(0)  # whoever gave way is closed meanwhile: it had a file
 
     # ---- places ------------------------------------------------------------------------------
 

@@ -141,6 +141,8 @@ class Server:
             response = refusal(error)
         except web.HTTPException as error:
             response = web.json_response({"code": "http", "error": error.reason}, status=error.status)
+        except ConnectionError:  # whoever asked has left meanwhile
+            response = web.Response(status=408)
         except StoreError as error:
             log.error("%s %s: %s", request.method, request.path, error)
             response = web.json_response({"code": "store", "error": f"the database: {error}"}, status=503)
