@@ -21,6 +21,7 @@ export class Refused extends Error {
     super(answer.error);
     this.status = status;
     this.code = answer.code;
+    this.wait = answer.wait_s; // seconds, until it may be asked again
   }
 }
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The frame: log in, the head, and which view is shown. The address says which one: #map, #points/3, ...
+import { reason, showAccount } from "./account.js";
 import { showAlarms } from "./alarms.js";
 import { h, setText } from "./dom.js";
 import * as live from "./live.js";
@@ -38,8 +39,8 @@ function themeButton() {
 
 // ---- log in --------------------------------------------------------------------------------------
 
-function showLogin(reason = "") {
-  const error = h("p", { class: "error", role: "alert" }, reason);
+function showLogin(said = "") {
+  const error = h("p", { class: "error", role: "alert" }, said);
   const name = h("input", { id: "name", autocomplete: "username", required: true });
   const password = h("input", { id: "password", type: "password", autocomplete: "current-password", required: true });
   const form = h("form", { class: "card" },
@@ -53,7 +54,7 @@ function showLogin(reason = "") {
       await live.ask("login", { name: name.value, password: password.value });
       await enter();
     } catch (refused) {
-      setText(error, t(refused.code === "guesses" ? "login_wait" : refused.code === "password" ? "login_failed" : "failed", { error: refused.message }));
+      setText(error, reason(refused));
       password.select();
     }
   });
@@ -95,12 +96,13 @@ function frame() {
   const links = views.map((name) => h("a", { href: `#${name}` }, t(name)));
   links[2].append(count);
   const main = h("main", { id: "main" });
+  const account = h("button", { id: "account", title: live.session.user, onclick: showAccount }, t("account"));
   const user = h("button", { id: "logout", title: `${live.session.user} · ${live.session.role}`, onclick: logOut }, t("logout"));
   document.body.replaceChildren(
     h("header", { class: "head" },
       h("div", { class: "brand" }, h("img", { src: "icon.svg", alt: "" }), h("span", {}, "OpenRTU")),
       h("nav", {}, ...links),
-      h("div", { class: "tools" }, clock, languages(frame), themeButton(), user)),
+      h("div", { class: "tools" }, clock, languages(frame), themeButton(), account, user)),
     banner, release, main);
 
   let end = () => {};

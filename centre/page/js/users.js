@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // For an engineer: who may what, and who did what.
+import { reason } from "./account.js";
 import { list } from "./alarms.js";
 import { h, setText, state, tabs } from "./dom.js";
 import * as live from "./live.js";
@@ -63,7 +64,7 @@ function userDialogue(user, known, done) {
       dialog.close();
       done();
     } catch (refused) {
-      setText(failure, t(refused.code === "own_password" ? "own_wrong" : refused.code === "guesses" ? "login_wait" : "failed", { error: refused.message }));
+      setText(failure, reason(refused));
     }
   }
 

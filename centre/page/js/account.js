@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What one has open, tokens for programs, and the own password.
+import { h, setText } from "./dom.js";
+import * as live from "./live.js";
+import { t, time } from "./words.js";
+
+const SCOPES = { read: "viewer", command: "operator", engineer: "engineer" }; // the role that each needs
+const DAYS_MOST = 366;
+
+function input(type, name, more = {}) {
+  return h("input", { type, autocomplete: { own: "current-password", fresh: "new-password" }[name] ?? "off", required: true, maxLength: 256, ...more });
+}
+
+function labelled(key, field) {
+  return h("label", {}, t(key), field);
+}
+
+// Why it was refused, in the words of the page.
+export function reason(refused) {
+  const key = { own_password: "own_wrong", guesses: "login_wait", logins: "login_busy", password: "login_failed" }[refused.code] ?? "failed";
+  return t(key, { error: refused.message, s: refused.wait });
+}
+
+// A part of the dialogue: what it asks for, and a button that sends it.
+function part(key, button, fields, send) {
+  const failure = h("p", { class: "error", role: "alert" });
+  const done = h("p", { role: "status" });
+  const form = h("form", { class: "part" }, h("h3", {}, t(key)), ...fields, done, failure, h("button", { class: "small main" }, t(button)));
+  form.addEventListener("submit", async (event) => {
+    event.preventDefault();
+    setText(failure, "");
+    done.replaceChildren();
+    try {
+      done.replaceChildren(...(await send()));
+      form.reset();
+    } catch (refused) {
+      setText(failure, reason(refused));
+    }
+  });
+  return form;
+}
+
+function sessionTable() {
+  const body = h("tbody");
+  const failure = h("p", { class: "error", role: "alert" });
+  const head = ["what", "token_scope", "address_from", "last_use", "until", ""];
+  const element = h("section", { class: "part" }, h("h3", {}, t("open_sessions")), failure,
+    h("div", { class: "scroll" }, h("table", {}, h("thead", {}, h("tr", {}, ...head.map((key) => h("th", {}, key ? t(key) : "")))), body)));
+  async function end(id) {
+    try {
+      await live.ask(`sessions/${id}/end`, {});
+    } catch (refused) {
+      setText(failure, reason(refused));
+    }
+    show();
+  }
+  async function show() {
+    const open = await live.ask("sessions").catch((refused) => setText(failure, reason(refused)));
+    body.replaceChildren(...(open ?? []).map((each) => h("tr", {}, h("td", {}, each.label || t(each.own ? "this_session" : "a_session")),
+      h("td", {}, each.scope ? t(`scope_${each.scope}`) : ""), h("td", {}, each.address), h("td", {}, each.seen ? time(each.seen, true) : ""),
+      h("td", {}, time(each.expires, true)),
+      h("td", { class: "act" }, each.own ? null : h("button", { class: "small", type: "button", onclick: () => end(each.id) }, t("end_it"))))));
+  }
+  show();
+  return { element, show };
+}
+
+function tokenPart(changed) {
+  const label = input("text", "label", { maxLength: 64 });
+  const scope = h("select", {}, ...Object.keys(SCOPES).filter((name) => live.may(SCOPES[name])).map((name) => h("option", { value: name }, t(`scope_${name}`))));
+  const days = input("number", "days", { min: "1", max: String(DAYS_MOST), step: "1" });
+  days.setAttribute("value", "30");
+  const own = input("password", "own");
+  return part("token_new", "make_it", [labelled("token_for", label), labelled("token_scope", scope), labelled("days_good", days), labelled("password_own", own)], async () => {
+    const made = await live.ask("tokens", { label: label.value, scope: scope.value, days: Number(days.value), own_password: own.value });
+    changed();
+    return [t("token_once"), h("code", { class: "secret" }, made.token)];
+  });
+}
+
+function passwordPart(changed) {
+  const fresh = input("password", "fresh", { minLength: 10 });
+  const own = input("password", "own");
+  return part("password_change", "save", [labelled("password_fresh", fresh), labelled("password_own", own)], async () => {
+    await live.ask("password", { password: fresh.value, own_password: own.value });
+    changed();
+    return [t("password_changed")];
+  });
+}
+
+export function showAccount() {
+  const dialog = h("dialog", { class: "account", "aria-label": t("account") });
+  const open = sessionTable();
+  dialog.append(
+    h("div", { class: "body" }, h("h2", {}, `${t("account")} · ${live.session.user} · ${t(live.session.role)}`),
+      open.element, tokenPart(open.show), passwordPart(open.show)),
+    h("div", { class: "end" }, h("button", { type: "button", onclick: () => dialog.close() }, t("close"))));
+  dialog.addEventListener("close", () => dialog.remove());
+  document.body.append(dialog);
+  dialog.showModal();
+}

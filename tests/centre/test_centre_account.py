@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The account dialogue of the control centre's page, in a browser."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Locator, Page, expect
+
+from browser import LIMIT_MS, chromium, log_in
+from control_room import PASSWORD, Site, Stations, described
+from lab.centre_client import AnswerError, Client
+from lab.vehicles import Station
+
+pytestmark = pytest.mark.slow
+
+PAGE = Path(__file__).resolve().parents[2] / "build" / "centre" / "page"
+FRESH = "a better password"
+expect.set_options(timeout=LIMIT_MS)
+
+
+@pytest.fixture(scope="module")
+def site(
+    programs: Path, stations: Stations, north: Station, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Site]:
+    assert PAGE.is_dir(), "the page is not built: make centre-page"
+    folder = tmp_path_factory.mktemp("account")
+    with Site(programs, folder, [described(north, folder)], PAGE) as started:
+        yield started
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with chromium() as started:
+        yield started
+
+
+@pytest.fixture
+def page(browser: Browser, site: Site) -> Iterator[Page]:
+    """As an operator, on a telephone."""
+    context = browser.new_context(viewport={"width": 390, "height": 780}, locale="en-GB", timezone_id="UTC")
+    made = context.new_page()
+    wrong: list[str] = []
+    made.on("pageerror", lambda error: wrong.append(str(error)))
+    log_in(made, site.port, "olga", PASSWORD, "stations")
+    yield made
+    context.close()
+    assert wrong == []
+
+
+def part(page: Page, title: str) -> Locator:
+    return page.locator("dialog .part", has=page.get_by_role("heading", name=title))
+
+
+def open_account(page: Page) -> Locator:
+    page.get_by_role("button", name="Account").press("Enter")
+    dialog = page.locator("dialog")
+    expect(dialog.get_by_text("this login")).to_be_visible()
+    return dialog
+
+
+def test_a_token_is_made_shown_once_and_ended(page: Page, site: Site) -> None:
+    dialog = open_account(page)
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    form = part(page, "New token for a program")
+    form.get_by_label("What it is for").fill("nightly report")
+    expect(form.get_by_label("May").locator("option")).to_have_text(["read", "read and command"])
+    form.get_by_label("Your own password").fill("guessed password")
+    form.get_by_role("button", name="Make").press("Enter")
+    expect(form.get_by_role("alert")).to_have_text("Your own password is wrong.")
+    form.get_by_label("Your own password").fill(PASSWORD)
+    form.get_by_role("button", name="Make").press("Enter")
+    secret = form.locator(".secret").inner_text()
+    program = Client(site.port, secret)
+    assert (program.get("/api/me")["user"], program.get("/api/me")["role"]) == ("olga", "viewer")
+    page.get_by_role("button", name="Close").press("Enter")
+    dialog = open_account(page)
+    assert secret not in dialog.inner_text()
+    row = dialog.locator("tr", has_text="nightly report")
+    expect(row.locator("td").nth(1)).to_have_text("read")
+    row.get_by_role("button", name="End").press("Enter")
+    expect(row).to_have_count(0)
+    with pytest.raises(AnswerError):
+        program.get("/api/me")
+
+
+def test_another_login_is_ended(page: Page, site: Site) -> None:
+    other = Client(site.port, source="127.0.5.1").login("olga", PASSWORD)
+    row = open_account(page).locator("tr", has_text="127.0.5.1")
+    row.get_by_role("button", name="End").press("Enter")
+    expect(row).to_have_count(0)
+    with pytest.raises(AnswerError):
+        other.get("/api/me")
+
+
+def test_ones_own_password_is_changed(page: Page, site: Site) -> None:
+    other = Client(site.port, source="127.0.5.2").login("olga", PASSWORD)
+    open_account(page)
+    for old, new in ((PASSWORD, FRESH), (FRESH, PASSWORD)):
+        form = part(page, "Your password")
+        form.get_by_label(re.compile("New password")).fill(new)
+        form.get_by_label("Your own password").fill(old)
+        form.get_by_role("button", name="Save").press("Enter")
+        expect(form.get_by_role("status")).to_have_text(
+            "It is changed. All else that you had open has ended."
+        )
+        with pytest.raises(AnswerError):
+            other.get("/api/me")
+        other = Client(site.port, source="127.0.5.2").login("olga", new)
+
+
+def test_who_is_to_wait_is_told_how_long(browser: Browser, site: Site) -> None:
+    page = browser.new_page()
+    page.set_default_timeout(LIMIT_MS)
+    page.goto(f"http://127.0.0.1:{site.port}/")
+    page.locator("#name").fill("stranger")
+    seen = set()
+    for _ in range(6):
+        page.locator("#password").fill("guessed password")
+        with page.expect_response("**/api/login") as answered:
+            page.keyboard.press("Enter")
+        seen.add(answered.value.status)
+    assert seen == {401, 429}
+    expect(page.get_by_role("alert")).to_have_text(re.compile(r"Try again in [1-9]\d? s\."))
+    page.close()

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Schemathesis asks whatever the OpenAPI document of the centre allows and forbids, logged in and not."""
+
+import asyncio
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import aiohttp
+import hypothesis
+import pytest
+import schemathesis
+
+from control_room import PASSWORD, Site, Stations, described
+from lab.centre_client import Client
+from lab.vehicles import Station
+from openrtu_tools.centre.api import document
+from postgres import Server
+
+pytestmark = pytest.mark.slow
+
+OPERATIONS = list(schemathesis.openapi.from_dict(document()).get_all_operations())
+EXAMPLES = 30
+
+
+@pytest.fixture(scope="module")
+def site(
+    programs: Path,
+    stations: Stations,
+    north: Station,
+    server: Server | None,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Iterator[Site]:
+    folder = tmp_path_factory.mktemp("nonsense")
+    with Site(programs, folder, [described(north, folder)], server=server) as started:
+        yield started
+
+
+@pytest.fixture(scope="module")
+def engineer(site: Site) -> Client:
+    return site.client("emil")
+
+
+def confirm(case: schemathesis.Case) -> None:
+    """So that what comes behind the password is reached; the password stays what it is."""
+    body = case.body
+    if isinstance(body, dict) and isinstance(body.get("own_password"), str):
+        body["own_password"] = PASSWORD
+        if case.path.endswith("/password"):
+            body["password"] = PASSWORD
+
+
+@pytest.mark.parametrize("mode", schemathesis.GenerationMode)
+@pytest.mark.parametrize("operation", OPERATIONS, ids=lambda found: found.ok().label)
+def test_no_nonsense_is_a_fault_of_the_centre(
+    site: Site, engineer: Client, operation: Any, mode: schemathesis.GenerationMode
+) -> None:
+    before = len(site.log())
+    root = f"http://127.0.0.1:{site.port}"
+
+    @hypothesis.settings(
+        max_examples=EXAMPLES, deadline=None, derandomize=True, database=None,
+        suppress_health_check=list(hypothesis.HealthCheck),
+    )  # fmt: skip
+    @hypothesis.given(operation.ok().as_strategy(generation_mode=mode))
+    def ask(case: schemathesis.Case) -> None:
+        confirm(case)
+        for headers in ({}, engineer.headers):
+            answer = case.call(base_url=root, headers={**(case.headers or {}), **headers})
+            assert answer.status_code < 500, (answer.text, case.as_curl_command())
+            assert headers or answer.status_code >= 400
+
+    ask()
+    assert "Traceback" not in site.log()[before:]
+
+
+def test_no_nonsense_on_the_stream_is_one(site: Site, engineer: Client) -> None:
+    """It ends the stream, or nothing."""
+    before = len(site.log())
+    said = [
+        '{"view": "map", "bounds": [NaN, 1, 2, 1e999]}',
+        '{"view": "\\ud800"}',
+        "[" * 50_000,
+        "nothing",
+        "{}",
+    ]
+    said += [
+        '{"view": "points", "station": 1e400}',
+        f'{{"view": "points", "station": {"9" * 5000}}}',
+        '{"view": []}',
+    ]
+    said += [
+        '{"view": "map", "search": "\\u0000"}',
+        '{"view": "map", "bounds": {"a": 1}}',
+        "null",
+        '"\\ud800"',
+    ]
+
+    async def say(text: str) -> None:
+        async with (
+            aiohttp.ClientSession(headers=engineer.headers) as session,
+            session.ws_connect(f"http://127.0.0.1:{site.port}/api/stream") as socket,
+        ):
+            await socket.send_str(text)
+            await socket.receive()
+
+    for text in said:
+        asyncio.run(say(text))
+    assert "Traceback" not in site.log()[before:]
+    assert engineer.get("/api/me")
