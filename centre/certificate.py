@@ -6,6 +6,8 @@ from __future__ import annotations
 import asyncio
 import logging
 import ssl
+import stat
+from pathlib import Path
 
 from openrtu_tools.centre.errors import CentreError
 from openrtu_tools.centre.settings import Tls
@@ -17,6 +19,7 @@ LOOK_S = 5.0
 
 def tls_context(tls: Tls) -> ssl.SSLContext:
     context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
+    _check_key(tls.key)
     try:
         context.load_cert_chain(tls.certificate, tls.key)
     except OSError as error:  # ssl.SSLError is one
@@ -24,6 +27,16 @@ def tls_context(tls: Tls) -> ssl.SSLContext:
             f"tls: {tls.certificate} and {tls.key}: {error}; are they there, readable, in PEM and a pair?"
         ) from error
     return context
+
+
+def _check_key(key: Path) -> None:
+    """A group may read it, as Debian's ssl-cert; as the gateway has it."""
+    try:
+        mode = key.stat().st_mode
+    except OSError:
+        return  # loading it says why
+    if mode & stat.S_IRWXO:
+        raise CentreError(f"tls: {key}: others may read it, who then are this centre: chmod o= {key}")
 
 
 def _stamps(tls: Tls) -> list[tuple[int, ...]]:

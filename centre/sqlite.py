@@ -4,15 +4,20 @@
 from __future__ import annotations
 
 import asyncio
+import logging
+import os
 import sqlite3
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from openrtu_tools.centre.errors import CentreError, StoreError
 from openrtu_tools.centre.store import READERS, Answer, Database, EventRow, Row, Store
+
+log = logging.getLogger("centre")
 
 BUSY_S = 30.0
 CACHE_KIB = 16 * 1024
@@ -187,14 +192,24 @@ class SqliteStore(Store):
         self._reading = threading.local()
         self._opened: list[Session] = []
         try:
+            self._keep_private()
             self.database = self._connect()
             self.database.execute("PRAGMA journal_mode = WAL")
             self.database.execute("PRAGMA synchronous = FULL")  # what is acknowledged survives a power cut
             self._migrate()
-        except sqlite3.Error as error:
+        except (OSError, sqlite3.Error) as error:
             raise CentreError(
                 f"{path}: {error}; is its folder there and writable, and no other centre at work on it?"
             ) from error
+
+    def _keep_private(self) -> None:
+        """Hashes of passwords are in it. SQLite gives the files beside it the same mode."""
+        os.close(os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600))
+        for path in (self.path, *(Path(f"{self.path}-{end}") for end in ("wal", "shm"))):
+            with suppress(FileNotFoundError):
+                if path.stat().st_mode & 0o077:
+                    path.chmod(0o600)
+                    log.warning("%s was for others to read: it is not any more", path)
 
     def _connect(self) -> Session:
         database = sqlite3.connect(

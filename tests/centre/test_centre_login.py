@@ -2,7 +2,9 @@
 """Who gets into the control centre, who does not, and what each may do with the own account."""
 
 import doctest
+import os
 import sqlite3
+import stat
 import time
 from collections import Counter
 from collections.abc import Iterator
@@ -20,6 +22,7 @@ from openrtu_tools.centre import peers, tries
 from openrtu_tools.centre.login import OF_BOTH, PLACES
 from openrtu_tools.centre.roles import SCOPES
 from openrtu_tools.centre.settings import load
+from openrtu_tools.centre.sqlite import SqliteStore
 from postgres import Server
 from test_centre_kill import full
 
@@ -324,3 +327,25 @@ def test_of_two_engineers_who_remove_each_other_one_stays(site: Site) -> None:
     names = {each["name"] for each in engineer.get("/api/users")}
     (left,) = names & {"rita", "rolf"}
     engineer.post(f"/api/users/{left}/remove", CONFIRMED)
+
+
+# ---- the file ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("before", [None, 0o644])
+def test_database_is_nobody_elses(tmp_path: Path, before: int | None) -> None:
+    """Made with the usual mask, or by a centre of before."""
+    path = tmp_path / "centre.db"
+    if before:
+        with closing(sqlite3.connect(path)) as database:
+            database.execute("PRAGMA journal_mode = WAL")
+            database.execute("CREATE TABLE filled (id INTEGER)")
+            path.chmod(before)
+    mask = os.umask(0o022)
+    try:
+        with closing(SqliteStore(path)) as store:
+            store.transaction(lambda database: database.execute("CREATE TABLE more (id INTEGER)"))
+            modes = {each.name: stat.S_IMODE(each.stat().st_mode) for each in tmp_path.iterdir()}
+    finally:
+        os.umask(mask)
+    assert modes == dict.fromkeys(("centre.db", "centre.db-wal", "centre.db-shm"), 0o600)

@@ -77,3 +77,14 @@ def test_files_that_are_none(file: Path, wrong: str) -> None:
         tls = settings.load(file).tls
         assert tls
         tls_context(tls)
+
+
+def test_key_that_others_may_read(file: Path) -> None:
+    key = file.parent / "key.pem"
+    tls = settings.load(file).tls
+    assert tls
+    key.chmod(0o644)
+    with pytest.raises(CentreError, match=rf"tls: {key}: others may read it.*: chmod o= {key}"):
+        tls_context(tls)
+    key.chmod(0o640)
+    tls_context(tls)
