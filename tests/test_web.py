@@ -296,6 +296,45 @@ def test_hostile_requests(page: Page, viewer: Client, request_: bytes, statuses:
     assert viewer.ask("/api/state").status == 200
 
 
+TWO_LENGTHS = [
+    b"Content-Length: 3\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n",
+    b"Transfer-Encoding: chunked\r\ncontent-length: 2\r\n\r\n2\r\n{}\r\n0\r\n\r\n",
+    b"Content-Length: 2\r\nContent-Length: 5\r\n\r\n{}   ",
+]
+
+
+@pytest.mark.parametrize("ask", [b"GET / ", b"POST /api/login "])
+@pytest.mark.parametrize("lengths", TWO_LENGTHS)
+def test_a_request_has_one_length(page: Page, ask: bytes, lengths: bytes) -> None:
+    """What follows is nobody's: the connection ends."""
+    head = ask + b"HTTP/1.1\r\nHost: a\r\nContent-Type: application/json\r\n"
+    received = all_said_to(page, head + lengths + b"GET /style.css HTTP/1.1\r\nHost: a\r\n\r\n")
+    assert received.startswith(b"HTTP/1.1 400 ")
+    assert received.count(b"HTTP/1.1 ") == 1
+
+
+@pytest.mark.parametrize("header", [b"", b"Host : a\r\n", b"Host: a\r\nContent-Length: x\r\n"])
+def test_a_refusal_has_one_head(page: Page, header: bytes) -> None:
+    """Also the library's own."""
+    received = all_said_to(page, b"GET / HTTP/1.1\r\n" + header + b"\r\n")
+    assert received.startswith(b"HTTP/1.1 400 ")
+    assert received.count(b"HTTP/1.1 ") == 1
+    head, _, body = received.partition(b"\r\n\r\n")
+    assert f"Content-Length: {len(body)}".encode() in head
+
+
+def all_said_to(page: Page, octets: bytes) -> bytes:
+    """What comes back until it closes."""
+    with secure(page) as connection:
+        with contextlib.suppress(OSError):
+            connection.sendall(octets)
+        received = b""
+        with contextlib.suppress(ConnectionError, ssl.SSLError):
+            while piece := connection.recv(4096):
+                received += piece
+        return received
+
+
 def test_one_address_takes_no_more_than_its_places(page: Page, viewer: Client) -> None:
     held = []
     for _ in range(OF_ADDRESS + 4):
@@ -370,6 +409,38 @@ def test_unfinished_handshakes_keep_nobody_out(page: Page) -> None:
         late = counter(page, "connections_late")
         assert page.client("viewer").ask("/api/state").status == 200
         assert counter(page, "connections_late") > late
+
+
+@pytest.mark.parametrize(
+    "said", [b"", b"GET / HTTP/1.1\r\nHost: ", b"POST /api/login HTTP/1.1\r\nContent-Length: 9\r\n"]
+)
+def test_silent_connections_keep_nobody_out(page: Page, said: bytes) -> None:
+    """All places are two addresses': idle, with half a head, or with a body that does not come."""
+    context = ssl.create_default_context(cafile=str(page.folder / "web.pem"))
+    if said.startswith(b"POST"):
+        said += b"Host: a\r\n\r\n"
+    before = counter(page, "connections")
+    with contextlib.ExitStack() as held:
+        for source in ("127.0.0.7", "127.0.0.8"):
+            for _ in range(OF_ADDRESS):
+                plain = socket.create_connection(("127.0.0.1", page.port), WAIT_S, source_address=(source, 0))
+                connection = held.enter_context(context.wrap_socket(plain, server_hostname="127.0.0.1"))
+                connection.sendall(said)
+        assert counter(page, "connections") == before + 2 * OF_ADDRESS
+        late = counter(page, "connections_late")
+        client = page.client("viewer")
+        assert client.ask("/api/state").status == 200
+        assert counter(page, "connections_late") > late
+        client.connection.close()
+        assert page.client().ask("/").status == 200
+
+
+def test_the_newest_of_an_address_comes_before_its_silent_ones(page: Page) -> None:
+    with contextlib.ExitStack() as held:
+        for _ in range(OF_ADDRESS):
+            held.enter_context(unfinished(page, "127.0.0.10"))
+        client = Client(page.port, page.folder / "web.pem", "127.0.0.10")
+        assert client.ask("/").status == 200
 
 
 @pytest.mark.slow

@@ -29,6 +29,7 @@ struct front {
 	bool ready;       /* the handshake is over */
 	bool wants_write; /* TLS cannot go on before that */
 	bool asked, told; /* one side, or the library, has said its last */
+	bool answering;   /* a request's answer is on its way */
 	struct octets in, out;
 	struct in6_addr peer;
 	int64_t deadline_ns;
@@ -138,6 +139,27 @@ static bool carry_in(struct front *front)
 	return went > 0;
 }
 
+/*
+ * libmicrohttpd 0.9.75 writes the head of its own refusal twice when it is a header that it does not like. Nothing else follows
+ * a head that says close but its body, which is never a head.
+ */
+static void leave_second_head(struct octets *octets)
+{
+	static const char close_[] = "\r\nConnection: close\r\n", version[] = "HTTP/1.1 ";
+	const uint8_t *head = octets->octets + octets->begin;
+	const size_t size = octets->end - octets->begin;
+	const uint8_t *end = memmem(head, size, "\r\n\r\n", 4);
+	size_t length;
+
+	if (end == NULL)
+		return;
+	length = (size_t)(end - head) + 4;
+	if (size - length >= sizeof(version) - 1 && memcmp(head, version, sizeof(version) - 1) == 0 &&
+	    memcmp(head + length, version, sizeof(version) - 1) == 0 &&
+	    memmem(head, length, close_, sizeof(close_) - 1) != NULL)
+		octets->begin += length;
+}
+
 /* Towards the browser. True: something went on. False with told: all is said. */
 static bool carry_out(struct front *front)
 {
@@ -149,6 +171,7 @@ static bool carry_out(struct front *front)
 		if (went <= 0)
 			return false;
 		filled(&front->out, went);
+		leave_second_head(&front->out);
 	}
 	went = transmit(front);
 	if (went < 0) {
@@ -196,36 +219,69 @@ static void carry(struct front *front, int64_t now_ns)
 
 /* ---- who comes --------------------------------------------------------------------------- */
 
-/* The one whose handshake is unfinished for longest. NULL: all have shaken hands. */
-static struct front *slowest_handshake(void)
+static bool is_of(const struct front *front, const struct in6_addr *peer)
 {
-	struct front *slowest = NULL;
-
-	for (unsigned i = 0; i < FRONTS_MAX; i++)
-		if (!fronts[i].ready && (slowest == NULL || fronts[i].deadline_ns < slowest->deadline_ns))
-			slowest = &fronts[i];
-	return slowest;
+	return front->outer >= 0 && memcmp(&front->peer, peer, sizeof(*peer)) == 0;
 }
 
+static unsigned count_of(const struct in6_addr *peer)
+{
+	unsigned count = 0;
+
+	for (unsigned i = 0; i < FRONTS_MAX; i++)
+		count += is_of(&fronts[i], peer);
+	return count;
+}
+
+/* Who waits for no answer, of the address that has most; of these the one without a handshake, or silent, for longest. */
+static bool gives_way_before(const struct front *a, const struct front *b)
+{
+	const unsigned of_a = count_of(&a->peer), of_b = count_of(&b->peer);
+
+	if (of_a != of_b)
+		return of_a > of_b;
+	if (a->ready != b->ready)
+		return !a->ready;
+	return a->deadline_ns < b->deadline_ns;
+}
+
+/* Of an address; NULL: of any. False: all wait for their answers. */
+static bool give_way(const struct in6_addr *peer)
+{
+	struct front *least = NULL;
+
+	for (unsigned i = 0; i < FRONTS_MAX; i++) {
+		struct front *front = &fronts[i];
+
+		if (front->outer >= 0 && !front->answering && (peer == NULL || is_of(front, peer)) &&
+		    (least == NULL || gives_way_before(front, least)))
+			least = front;
+	}
+	if (least != NULL)
+		late(least);
+	return least != NULL;
+}
+
+static struct front *free_place(void)
+{
+	for (unsigned i = 0; i < FRONTS_MAX; i++)
+		if (fronts[i].outer < 0)
+			return &fronts[i];
+	return NULL;
+}
+
+/* The newest comes before those that are silent: of its own address, if that has all it may have. */
 static struct front *place_for(const struct in6_addr *peer)
 {
-	struct front *place = NULL;
-	unsigned of_peer = 0;
+	struct front *place;
 
 	if (settings->client_count > 0 &&
 	    map_address_place(settings->clients, settings->client_count, peer) == settings->client_count)
 		return NULL;
-	for (unsigned i = 0; i < FRONTS_MAX; i++) {
-		if (fronts[i].outer < 0)
-			place = &fronts[i];
-		else if (memcmp(&fronts[i].peer, peer, sizeof(*peer)) == 0)
-			of_peer++;
-	}
-	if (of_peer >= FRONTS_OF_ADDRESS)
-		return NULL;
-	if (place == NULL && (place = slowest_handshake()) != NULL)
-		late(place);
-	return place;
+	if (count_of(peer) >= FRONTS_OF_ADDRESS)
+		return give_way(peer) ? free_place() : NULL;
+	place = free_place();
+	return place == NULL && give_way(NULL) ? free_place() : place;
 }
 
 static bool begin_tls(struct front *front)
@@ -355,10 +411,18 @@ void front_renew(const struct web_settings *of_file)
 	settings = of_file;
 }
 
-void front_answered(unsigned number, int64_t now_ns)
+void front_answering(unsigned number)
 {
 	if (number < FRONTS_MAX)
-		fronts[number].deadline_ns = now_ns + FRONT_LATE_S * NS_PER_S;
+		fronts[number].answering = true;
+}
+
+void front_answered(unsigned number, int64_t now_ns)
+{
+	if (number >= FRONTS_MAX)
+		return;
+	fronts[number].answering = false;
+	fronts[number].deadline_ns = now_ns + FRONT_LATE_S * NS_PER_S;
 }
 
 bool front_begin(struct map *of_map, const struct web_settings *of_file, struct web_stats *counters, int fd,

@@ -32,6 +32,8 @@ bool front_wait(struct pollfd waits[FRONT_POLLS]);
 void front_serve(const struct pollfd waits[FRONT_POLLS], int64_t now_ns);
 /* The settings are elsewhere now, and the same. */
 void front_renew(const struct web_settings *settings);
+/* That connection's request is there, and its answer begins: it does not give way. */
+void front_answering(unsigned number);
 /* A request of that connection is wholly answered. */
 void front_answered(unsigned number, int64_t now_ns);
 

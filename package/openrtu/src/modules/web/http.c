@@ -3,6 +3,7 @@
 
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 #include <unistd.h>
 
 #include "modules/web/commands.h"
@@ -95,6 +96,11 @@ static struct http_answer answer_to(const struct route *route, struct http_reque
 
 /* ---- the library's side ------------------------------------------------------------------ */
 
+static struct connection *connection_of(struct MHD_Connection *connection)
+{
+	return MHD_get_connection_info(connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT)->socket_context;
+}
+
 static enum MHD_Result queue(struct MHD_Connection *connection, struct http_answer answer)
 {
 	static const char *const headers[][2] = {
@@ -115,6 +121,7 @@ static enum MHD_Result queue(struct MHD_Connection *connection, struct http_answ
 		map_count(&site->stats->counters[WEB_COUNT_DENIED], 1);
 	for (unsigned i = 0; i < sizeof(headers) / sizeof(headers[0]); i++)
 		MHD_add_response_header(answer.response, headers[i][0], headers[i][1]);
+	front_answering(connection_of(connection)->front);
 	result = MHD_queue_response(connection, answer.status, answer.response);
 	MHD_destroy_response(answer.response);
 	return result;
@@ -156,13 +163,41 @@ static struct http_answer wrong_method(const char *allowed)
 	return answer;
 }
 
+static enum MHD_Result count_length(void *count, enum MHD_ValueKind kind, const char *name, const char *value)
+{
+	(void)kind, (void)value;
+	*(unsigned *)count += strcasecmp(name, MHD_HTTP_HEADER_CONTENT_LENGTH) == 0 ||
+			      strcasecmp(name, MHD_HTTP_HEADER_TRANSFER_ENCODING) == 0;
+	return MHD_YES;
+}
+
+/* RFC 9112, 6.3: where its body ends, somebody before us may see otherwise. */
+static bool has_two_lengths(const struct http_request *request)
+{
+	unsigned count = 0;
+
+	MHD_get_connection_values(request->connection, MHD_HEADER_KIND, count_length, &count);
+	return count > 1;
+}
+
+static struct http_answer refuse_two_lengths(void)
+{
+	struct http_answer answer = answer_refusal(MHD_HTTP_BAD_REQUEST, "length", "it has two lengths");
+
+	if (answer.response != NULL)
+		MHD_add_response_header(answer.response, MHD_HTTP_HEADER_CONNECTION, "close");
+	return answer;
+}
+
 /* What can be said before its body has come. True: it is said. */
 static bool refuse_early(const struct route *route, const char *method, const struct http_request *request,
 			 struct http_answer *answer)
 {
 	const char *length = header(request, MHD_HTTP_HEADER_CONTENT_LENGTH);
 
-	if (route == NULL || !route->posted) {
+	if (has_two_lengths(request)) {
+		*answer = refuse_two_lengths();
+	} else if (route == NULL || !route->posted) {
 		if (is_reading(method))
 			return false;
 		*answer = wrong_method("GET, HEAD");
@@ -176,11 +211,6 @@ static bool refuse_early(const struct route *route, const char *method, const st
 		return false;
 	}
 	return true;
-}
-
-static struct connection *connection_of(struct MHD_Connection *connection)
-{
-	return MHD_get_connection_info(connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT)->socket_context;
 }
 
 static enum MHD_Result handle(void *cls, struct MHD_Connection *connection, const char *path,
