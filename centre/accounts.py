@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from openrtu_tools.centre import users
+from openrtu_tools.centre import second, users
 from openrtu_tools.centre.errors import RefusedError
 from openrtu_tools.centre.roles import ROLES, SCOPES
 from openrtu_tools.centre.store import Database
@@ -17,14 +17,16 @@ TOKEN_DAYS_MOST = 366
 
 
 async def all_users(asked: Asked) -> list[Json]:
-    rows = await asked.centre.store.read("SELECT name, role, groups, disabled FROM users ORDER BY name")
+    sql = "SELECT name, role, groups, disabled, totp FROM users ORDER BY name"
     return [
         {
-            **row,
+            "name": row["name"],
+            "role": row["role"],
             "groups": row["groups"].split("\n") if row["groups"] else [],
             "disabled": bool(row["disabled"]),
+            "second_factor": bool(row["totp"]),
         }
-        for row in rows
+        for row in await asked.centre.store.read(sql)
     ]
 
 
@@ -106,15 +108,64 @@ async def token(asked: Asked) -> Json:
 
     def begin(database: Database) -> str:
         users.still(database, asked.session)
-        row = users.row_of(database, asked.session.user)
-        assert row
-        return users.begin(database, row, wanted)
+        return users.begin(database, asked.session.user, wanted)
 
     return {"token": await asked.centre.store.write(begin)}
 
 
+async def second_factor(asked: Asked) -> Json:
+    [row] = await asked.centre.store.read(
+        "SELECT totp, recovery FROM users WHERE name = ?", asked.session.user
+    )
+    return {"on": bool(row["totp"]), "recovery_codes": len(row["recovery"].split())}
+
+
+async def offer_second_factor(asked: Asked) -> Json:
+    secret = asked.login.offer(asked.session)
+    return {"secret": secret, "uri": second.uri(secret, asked.session.user)}
+
+
+async def begin_second_factor(asked: Asked) -> Json:
+    secret, code = asked.login.offered(asked.session), asked.body["code"]
+    codes = await asked.login.confirm_code(
+        asked.session, lambda database: second.begin(database, asked.session, secret, code)
+    )
+    return {"recovery_codes": codes}
+
+
+async def end_second_factor(asked: Asked) -> Json:
+    """With the password and a code: a session that was left open does not do it."""
+    user = asked.session.user
+
+    def end(database: Database) -> None:
+        users.still(database, asked.session)
+        row = users.row_of(database, user)
+        assert row
+        if row["totp"]:
+            second.use(database, row, asked.body["code"])
+        second.end(database, user, user)
+
+    await asked.login.confirm_code(asked.session, end)
+    return {}
+
+
+async def drop_second_factor(asked: Asked) -> Json:
+    """Of somebody who has lost it."""
+    name, by = asked.path["name"], asked.session.user
+    if name == by:
+        raise RefusedError(409, "yourself", "another engineer must do that")
+
+    def drop(database: Database) -> None:
+        users.still(database, asked.session)
+        second.end(database, name, by)
+
+    await asked.centre.store.write(drop)
+    return {}
+
+
 NAME = {"type": "string", "minLength": 1, "maxLength": users.NAME_MOST}
 PASSWORD = {"type": "string", "maxLength": 256}
+CODE = {"type": "string", "maxLength": 32}
 OF_USER: dict[str, Json] = {"user": {"type": "string", "description": "whose; of others an engineer asks"}}
 
 ROUTES = [
@@ -129,6 +180,18 @@ ROUTES = [
     Route("POST", "/api/password", "viewer", "another password of one's own; ends all else that one has open",
           change_password, confirms=True, token=False,
           body=described(["password", "own_password"], password=PASSWORD, own_password=PASSWORD)),
+    Route("POST", "/api/users/{name}/second_factor/end", "engineer", "ask a user for no second factor again",
+          drop_second_factor, confirms=True, body=described(["own_password"], own_password=PASSWORD)),
+    Route("GET", "/api/second_factor", "viewer", "whether one has a second factor", second_factor,
+          token=False),
+    Route("POST", "/api/second_factor/offer", "viewer", "a secret for an app that makes codes",
+          offer_second_factor, confirms=True, token=False,
+          body=described(["own_password"], own_password=PASSWORD)),
+    Route("POST", "/api/second_factor/begin", "viewer", "ask for codes of the secret that was offered last",
+          begin_second_factor, token=False, body=described(["code"], code=CODE)),
+    Route("POST", "/api/second_factor/end", "viewer", "ask for no code any more", end_second_factor,
+          confirms=True, token=False,
+          body=described(["own_password", "code"], own_password=PASSWORD, code=CODE)),
     Route("GET", "/api/sessions", "viewer", "one's sessions and tokens", sessions, OF_USER, token=False),
     Route("POST", "/api/sessions/{id}/end", "viewer", "end a session or a token", end_session, OF_USER,
           token=False),

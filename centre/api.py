@@ -39,7 +39,16 @@ AUDITED = {
     "alarms": ("acknowledge", "shelve"),
     "stations": ("interrogate", "trace"),
     "exports": ("export",),
-    "logins": ("login", "login refused", "session ended", "token", "token ended", "password"),
+    "logins": (
+        "login",
+        "login refused",
+        "session ended",
+        "token",
+        "token ended",
+        "password",
+        "second factor",
+        "recovery code",
+    ),
     "users": ("user", "user removed"),
 }
 TIME_MOST = 9 * 10**12  # milliseconds, some 285 years: nanoseconds still have 64 bits

@@ -26,6 +26,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     user.add_argument(
         "--group", action="append", default=[], help="only stations of this group; may be repeated [all]"
     )
+    user.add_argument(
+        "--no-second-factor", action="store_true", help="ask for no second factor any more: it is lost"
+    )
     token = verbs.add_parser("token", help="print a new token, with the rights of a user, for a program")
     token.add_argument("name")
     token.add_argument("--label", default="command line", help="what it is for [command line]")

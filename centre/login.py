@@ -7,14 +7,15 @@ import asyncio
 import logging
 import time
 from collections import OrderedDict
+from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 
-from openrtu_tools.centre import peers, users
+from openrtu_tools.centre import peers, second, users
 from openrtu_tools.centre.centre import Centre
 from openrtu_tools.centre.errors import RefusedError, StoreError
 from openrtu_tools.centre.store import Database, Row, audit
-from openrtu_tools.centre.tries import Limit, Pool, Tries
+from openrtu_tools.centre.tries import Answer, Limit, Pool, Tries
 from openrtu_tools.centre.users import Session
 
 log = logging.getLogger("centre")
@@ -22,11 +23,13 @@ log = logging.getLogger("centre")
 # Wrong passwords that are free: of a name from a host, of a host whatever the name, of a name from all hosts
 # where it did not come from before, of a session that is there.
 OF_BOTH, OF_HOST, OF_NAME, OF_SESSION = 5, 20, 50, 5
+OF_CODE = 5  # wrong codes of a name, from wherever they come: a code has only six digits
 KNOWN_MOST = 10_000
 # A hash takes 16 MiB. Whoever is in already never waits for strangers.
 THREADS, PLACES = 2, 32
 OWN_THREADS, OWN_PLACES = 1, 16
 AUDITED_MOST, AUDITED_S = 60, 60.0  # refused logins; what is more is counted
+PENDING_S = 600.0  # to read the secret into an app and to say its code
 READ_ONLY_S = 3600.0  # of a session that could not be stored
 READ_ONLY_MOST = 1000
 
@@ -39,6 +42,8 @@ class Login:
         self.own = Pool(OWN_THREADS, OWN_PLACES)
         self.known: OrderedDict[tuple[str, str], None] = OrderedDict()  # a name, and a host it came from
         self.kept: dict[bytes, tuple[float, Session, Row]] = {}  # could not be stored; until when it is good
+        self.steps: dict[str, int] = {}  # of codes that were used while nothing could be stored
+        self.pending: dict[str, tuple[float, str]] = {}  # by session: a second factor that is being set up
         self.refused: asyncio.Queue[tuple[str, str]] = asyncio.Queue()
         self.said, self.said_since_s, self.unsaid = 0, 0.0, 0
 
@@ -125,16 +130,49 @@ class Login:
 
     # ---- a session ---------------------------------------------------------------------------
 
-    async def begin(self, row: Row, address: str) -> str:
+    async def begin(self, row: Row, address: str, code: str) -> str:
         """Its secret. While nothing can be stored, one that only reads, and that this process alone knows."""
+        limits = [Limit(("code", row["name"]), OF_CODE)]
+        if row["totp"]:
+            if not code:
+                raise RefusedError(401, "code", "a code of your second factor is needed, too")
+            self.tries.begin(limits)
+        try:
+            secret = await self._begin(row, address, code)
+        except RefusedError as error:
+            if error.code == "wrong_code":
+                self._say(row["name"], address)
+            raise
+        self.tries.forget(limits[0])
+        return secret
+
+    async def _begin(self, row: Row, address: str, code: str) -> str:
         seconds = self.centre.settings.session_h * 3600
+
+        def begin(database: Database) -> str:
+            now = users.unchanged(database, row)
+            if now["totp"]:
+                second.use(database, now, code)
+            return users.begin(database, row["name"], users.Wanted(seconds, address))
+
         if not self.centre.fault:
             try:
-                return await self.centre.store.write(
-                    lambda database: users.begin(database, row, users.Wanted(seconds, address))
-                )
+                return await self.centre.store.write(begin)
             except StoreError as error:
                 log.error("a login of %s cannot be stored, it only reads: %s", row["name"], error)
+        if row["totp"]:
+            self._use_unstored(row, code)
+        return self._keep(row, seconds)
+
+    def _use_unstored(self, row: Row, code: str) -> None:
+        """A recovery code, which is good once, is good for nothing while that cannot be stored."""
+        after = max(row["totp_step"], self.steps.get(row["name"], 0))
+        step = second.step_of(row["totp"], code.strip(), after)
+        if not step:
+            raise RefusedError(401, "wrong_code", second.WRONG)
+        self.steps[row["name"]] = step
+
+    def _keep(self, row: Row, seconds: float) -> str:
         now_s = time.monotonic()
         self.kept = {hashed: each for hashed, each in self.kept.items() if each[0] > now_s}
         if len(self.kept) >= READ_ONLY_MOST:
@@ -142,6 +180,30 @@ class Login:
         secret, session = users.unstored(row)
         self.kept[users.hash_secret(secret)] = now_s + min(seconds, READ_ONLY_S), session, row
         return secret
+
+    # ---- a second factor ---------------------------------------------------------------------
+
+    def offer(self, session: Session) -> str:
+        """A new secret, which is in force when one of its codes comes back."""
+        now_s = time.monotonic()
+        self.pending = {id_: each for id_, each in self.pending.items() if each[0] > now_s}
+        secret = second.new_secret()
+        self.pending[session.id] = now_s + PENDING_S, secret
+        return secret
+
+    def offered(self, session: Session) -> str:
+        until_s, secret = self.pending.get(session.id, (0.0, ""))
+        if time.monotonic() >= until_s:
+            raise RefusedError(409, "unknown", "begin again: no second factor is being set up")
+        return secret
+
+    async def confirm_code(self, session: Session, work: Callable[[Database], Answer]) -> Answer:
+        """A transaction that looks at a code."""
+        limit = Limit(("code", session.user), OF_CODE)
+        self.tries.begin([limit])
+        answer = await self.centre.store.write(work)
+        self.tries.forget(limit)
+        return answer
 
     async def find_kept(self, secret: str) -> Session | None:
         """It ends with a change of its user, as all others do."""

@@ -176,6 +176,11 @@ MIGRATIONS = (
     ALTER TABLE sessions ADD COLUMN seen_s BIGINT NOT NULL DEFAULT 0;
     ALTER TABLE sessions ADD COLUMN address TEXT NOT NULL DEFAULT '';
     """,
+    """
+    ALTER TABLE users ADD COLUMN totp TEXT NOT NULL DEFAULT '';
+    ALTER TABLE users ADD COLUMN totp_step BIGINT NOT NULL DEFAULT 0;
+    ALTER TABLE users ADD COLUMN recovery TEXT NOT NULL DEFAULT '';
+    """,
 )
 
 # Of a database that has PostGIS, for those who read: QGIS, distances. In degrees of WGS 84, and metres,

@@ -154,6 +154,11 @@ MIGRATIONS = (
     ALTER TABLE sessions ADD COLUMN seen_s INTEGER NOT NULL DEFAULT 0;
     ALTER TABLE sessions ADD COLUMN address TEXT NOT NULL DEFAULT '';
     """,
+    """
+    ALTER TABLE users ADD COLUMN totp TEXT NOT NULL DEFAULT ''; -- the secret; empty: no second factor
+    ALTER TABLE users ADD COLUMN totp_step INTEGER NOT NULL DEFAULT 0; -- of the last code that was used
+    ALTER TABLE users ADD COLUMN recovery TEXT NOT NULL DEFAULT ''; -- hashes of codes, one a line
+    """,
 )
 
 

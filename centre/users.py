@@ -152,15 +152,16 @@ def id_of(hashed: bytes) -> str:
     return hashed.hex()[:16]
 
 
-def begin(database: Database, row: Row, wanted: Wanted) -> str:
-    """Its secret, which nobody can read again. `row`: the user as the password was compared with.
-
-    Raises RefusedError if the user is another one meanwhile.
-    """
-    user = row["name"]
-    now = row_of(database, user)
-    if not now or now["disabled"] or now["hash"] != row["hash"]:
+def unchanged(database: Database, row: Row) -> Row:
+    """The user, whose password was compared before. Raises RefusedError if it is another one meanwhile."""
+    now = row_of(database, row["name"])
+    if not now or now["disabled"] or now["hash"] != row["hash"] or now["totp"] != row["totp"]:
         raise RefusedError(401, "password", "the user was changed meanwhile: log in again")
+    return now
+
+
+def begin(database: Database, user: str, wanted: Wanted) -> str:
+    """Its secret, which nobody can read again."""
     secret = secrets.token_urlsafe(32)
     begun_s = now_s()
     database.execute("DELETE FROM sessions WHERE expires_s <= ?", (begun_s,))

@@ -16,7 +16,7 @@ from typing import NoReturn
 
 from aiohttp import web
 
-from openrtu_tools.centre import higher, settings, users
+from openrtu_tools.centre import higher, second, settings, users
 from openrtu_tools.centre.api import ROUTES
 from openrtu_tools.centre.centre import Centre
 from openrtu_tools.centre.certificate import renew, tls_context
@@ -24,10 +24,13 @@ from openrtu_tools.centre.database import open_store
 from openrtu_tools.centre.entrance import Entrance
 from openrtu_tools.centre.errors import CentreError
 from openrtu_tools.centre.push import Pusher
+from openrtu_tools.centre.store import Database
 from openrtu_tools.centre.web import Server
 from openrtu_tools.programs import command
 
 log = logging.getLogger("centre")
+
+BY = "command line"
 
 
 async def serve(what: settings.Settings, page: Path) -> None:
@@ -71,24 +74,29 @@ async def serve(what: settings.Settings, page: Path) -> None:
         centre.close()
 
 
-def add_user(what: settings.Settings, name: str, role: str, groups: list[str]) -> None:
+def add_user(what: settings.Settings, parsed: argparse.Namespace) -> None:
     """Asks for the password at a terminal; takes a line of stdin otherwise."""
     password = getpass.getpass() if sys.stdin.isatty() else sys.stdin.readline().rstrip("\n")
     store = open_store(what.database, alone=False)
     try:
-        store.transaction(lambda database: users.put(database, name, role, password, "command line", groups))
+        store.transaction(lambda database: put_user(database, parsed, password))
     finally:
         store.close()
+
+
+def put_user(database: Database, parsed: argparse.Namespace, password: str) -> None:
+    users.put(database, parsed.name, parsed.role, password, BY, parsed.group)
+    if parsed.no_second_factor:
+        second.end(database, parsed.name, BY)
 
 
 def give_token(what: settings.Settings, name: str, wanted: users.Wanted) -> None:
     """Prints it."""
     store = open_store(what.database, alone=False)
     try:
-        row = store.transaction(lambda database: users.row_of(database, name))
-        if not row:
+        if not store.transaction(lambda database: users.row_of(database, name)):
             raise CentreError(f"there is no user {name}: `openrtu centre FILE user {name}` adds one")
-        print(store.transaction(lambda database: users.begin(database, row, wanted)))
+        print(store.transaction(lambda database: users.begin(database, name, wanted)))
     finally:
         store.close()
 
@@ -121,7 +129,7 @@ def run(parsed: argparse.Namespace) -> int:
     if parsed.verb == "serve":
         asyncio.run(serve(what, parsed.page))
     elif parsed.verb == "user":
-        add_user(what, parsed.name, parsed.role, parsed.group)
+        add_user(what, parsed)
     elif parsed.verb == "token":
         wanted = users.Wanted(parsed.days * 86400, "", parsed.label, parsed.scope)
         give_token(what, parsed.name, wanted)

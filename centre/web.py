@@ -243,13 +243,13 @@ class Server:
         schema = {
             "type": "object",
             "required": ["name", "password"],
-            "properties": {"name": text, "password": text},
+            "properties": {"name": text, "password": text, "code": {"type": "string", "maxLength": 32}},
         }
         check_origin(request)
         body = await read_body(request, schema)
         address = self.source(request)
         row = await self.login.row_of(body["name"], body["password"], address)
-        secret = await self.login.begin(row, address)
+        secret = await self.login.begin(row, address, body.get("code", ""))
         response = web.json_response({})
         response.set_cookie(
             COOKIE, secret, max_age=int(self.centre.settings.session_h * 3600), httponly=True,

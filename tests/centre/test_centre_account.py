@@ -2,9 +2,11 @@
 """The account dialogue of the control centre's page, in a browser."""
 
 import re
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import pyotp
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
@@ -108,6 +110,41 @@ def test_ones_own_password_is_changed(page: Page, site: Site) -> None:
         with pytest.raises(AnswerError):
             other.get("/api/me")
         other = Client(site.port, source="127.0.5.2").login("olga", new)
+
+
+def test_a_second_factor_is_set_up_asked_for_and_ended(page: Page, site: Site) -> None:
+    dialog = open_account(page)
+    form = part(page, "Second factor")
+    form.get_by_label("Your own password").fill(PASSWORD)
+    form.get_by_role("button", name="Set up").press("Enter")
+    secret = form.locator(".secret").inner_text().replace(" ", "")
+    app = pyotp.TOTP(secret)
+    form = part(page, "The app's code")
+    form.get_by_label("Code").fill(app.at(int(time.time()) - 30))
+    form.get_by_role("button", name="Switch on").press("Enter")
+    done = part(page, "Your second factor is on")
+    recovery = done.locator(".secret").inner_text().split()
+    assert len(recovery) == 10
+    page.get_by_role("button", name="Close").press("Enter")
+    page.get_by_role("button", name="Log out").press("Enter")
+    page.locator("#name").fill("olga")
+    page.locator("#password").fill(PASSWORD)
+    page.keyboard.press("Enter")
+    expect(page.locator("#code")).to_be_focused()
+    page.keyboard.type("000000")
+    page.keyboard.press("Enter")
+    expect(page.get_by_role("alert")).to_have_text("The code is wrong, or was used already.")
+    page.locator("#code").fill(recovery[0])
+    page.keyboard.press("Enter")
+    page.wait_for_selector("nav")
+    dialog = open_account(page)
+    form = part(page, "Your second factor is on")
+    expect(form).to_contain_text("Recovery codes that are left: 9")
+    form.get_by_label("Your own password").fill(PASSWORD)
+    form.get_by_label(re.compile("Code of your second factor")).fill(recovery[1])
+    form.get_by_role("button", name="Switch off").press("Enter")
+    expect(dialog.get_by_role("button", name="Set up")).to_be_visible()
+    site.client("olga")
 
 
 def test_who_is_to_wait_is_told_how_long(browser: Browser, site: Site) -> None:

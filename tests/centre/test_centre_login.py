@@ -9,17 +9,18 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
+import pyotp
 import pytest
 
 from control_room import PASSWORD, Site, Stations, described, until
 from lab.centre_client import AnswerError, Client
 from lab.vehicles import Station
-from openrtu_tools.centre import peers, tries
-from openrtu_tools.centre.login import OF_BOTH, PLACES
+from openrtu_tools.centre import peers, second, tries
+from openrtu_tools.centre.login import OF_BOTH, OF_CODE, PLACES
 from openrtu_tools.centre.roles import SCOPES
 from openrtu_tools.centre.settings import load
 from openrtu_tools.centre.sqlite import SqliteStore
@@ -187,8 +188,21 @@ def test_a_crowd_is_told_to_come_again_and_waits_for_no_queue(site: Site) -> Non
     assert login(at(site, "127.0.2.4"), "emil", PASSWORD) == 200
 
 
+@contextmanager
+def storing_no_login(site: Site) -> Iterator[None]:
+    """A full disk. PostgreSQL has room for a row yet in what it has of the disk: it is told to have none."""
+    if not site.server:
+        with full(site):
+            yield
+        return
+    none = "CREATE FUNCTION refuse() RETURNS trigger LANGUAGE plpgsql AS $$ BEGIN RAISE disk_full; END $$"
+    site.server.rows(f"{none}; CREATE TRIGGER refuse BEFORE INSERT ON sessions EXECUTE FUNCTION refuse()")
+    yield
+    site.server.rows("DROP TRIGGER refuse ON sessions")
+
+
 def test_who_logs_in_while_nothing_can_be_stored_only_looks(site: Site) -> None:
-    with full(site):
+    with storing_no_login(site):
         client = at(site, "127.0.2.8").login("emil", PASSWORD)
         assert client.get("/api/me")["role"] == "viewer"
         assert client.get("/api/stations")
@@ -327,6 +341,109 @@ def test_of_two_engineers_who_remove_each_other_one_stays(site: Site) -> None:
     names = {each["name"] for each in engineer.get("/api/users")}
     (left,) = names & {"rita", "rolf"}
     engineer.post(f"/api/users/{left}/remove", CONFIRMED)
+
+
+# ---- a second factor -----------------------------------------------------------------------------
+
+
+def code_of(secret: str, steps: int = 0) -> str:
+    return str(pyotp.TOTP(secret).at(int(time.time()) + 30 * steps))
+
+
+def enrol(client: Client) -> tuple[str, list[str]]:
+    """Its secret and recovery codes. The code is of the step before: the one of now is left for a login."""
+    secret = client.post("/api/second_factor/offer", CONFIRMED)["secret"]
+    return secret, client.post("/api/second_factor/begin", {"code": code_of(secret, -1)})["recovery_codes"]
+
+
+def with_code(site: Site, source: str, name: str, given: str) -> str:
+    """What a login with it is answered."""
+    try:
+        wanted = {"name": name, "password": PASSWORD, "code": given}
+        at(site, source).raw("POST", "/api/login", wanted)
+    except AnswerError as error:
+        return str(error.code)
+    return "in"
+
+
+@pytest.fixture
+def guarded(site: Site) -> Iterator[str]:
+    """A user of this test alone."""
+    engineer = at(site, "127.0.2.20").login("emil", PASSWORD)
+    engineer.post("/api/users", {"name": "gina", "role": "viewer", "password": PASSWORD, **CONFIRMED})
+    yield "gina"
+    engineer.post("/api/users/gina/remove", CONFIRMED)
+
+
+def test_a_second_factor_is_asked_for_and_each_code_is_good_once(site: Site, guarded: str) -> None:
+    assert doctest.testmod(second).failed == 0
+    client = at(site, "127.0.2.21").login(guarded, PASSWORD)
+    assert code(client, "POST", "/api/second_factor/offer", {"own_password": WRONG}) == "own_password"
+    offered = client.post("/api/second_factor/offer", CONFIRMED)
+    assert offered["secret"] in offered["uri"]
+    assert code(client, "POST", "/api/second_factor/begin", {"code": "000000"}) == "wrong_code"
+    assert client.get("/api/second_factor") == {"on": False, "recovery_codes": 0}
+    secret, recovery = enrol(client)
+    assert client.get("/api/second_factor") == {"on": True, "recovery_codes": 10}
+    assert with_code(site, "127.0.2.21", guarded, "") == "code"
+    assert login(at(site, "127.0.2.21"), guarded, WRONG) == 401
+    until(lambda: with_code(site, "127.0.2.21", guarded, code_of(secret, 1)) == "in", "one of its codes", 1)
+    answers = {with_code(site, "127.0.2.21", guarded, code_of(secret, steps)) for steps in (0, 1)}
+    assert answers == {"wrong_code"}
+    program = Client(site.port, token(client))
+    assert program.get("/api/me")["user"] == guarded
+    assert (
+        with_code(site, "127.0.2.22", guarded, recovery[3].lower()),
+        with_code(site, "127.0.2.22", guarded, recovery[3]),
+    ) == ("in", "wrong_code")
+    assert client.get("/api/second_factor")["recovery_codes"] == 9
+    hashes = str(site.rows("SELECT recovery FROM users WHERE name = 'gina'"))
+    assert not any(each.replace("-", "") in hashes for each in recovery)
+    ending = {**CONFIRMED, "code": recovery[0]}
+    assert code(client, "POST", "/api/second_factor/end", {**ending, "code": "123456"}) == "wrong_code"
+    client.post("/api/second_factor/end", ending)
+    assert login(at(site, "127.0.2.21"), guarded, PASSWORD) == 200
+
+
+def test_a_code_of_two_logins_at_once_lets_one_in(site: Site, guarded: str) -> None:
+    secret, _ = enrol(at(site, "127.0.2.23").login(guarded, PASSWORD))
+    right = code_of(secret)
+    with ThreadPoolExecutor(4) as pool:
+        answers = Counter(pool.map(lambda _: with_code(site, "127.0.2.23", guarded, right), range(4)))
+    assert answers["in"] <= 1
+    assert set(answers) <= {"in", "wrong_code"}
+
+
+def test_codes_are_not_guessed_from_many_addresses(site: Site, guarded: str) -> None:
+    secret, _ = enrol(at(site, "127.0.2.24").login(guarded, PASSWORD))
+    answers = [with_code(site, f"127.0.6.{number + 1}", guarded, "abcdef") for number in range(OF_CODE + 1)]
+    assert answers == ["wrong_code"] * OF_CODE + ["guesses"]
+    assert with_code(site, "127.0.6.99", guarded, code_of(secret)) == "guesses"
+
+
+def test_a_lost_second_factor_is_given_up_by_an_engineer_or_at_the_machine(site: Site, guarded: str) -> None:
+    client = at(site, "127.0.2.25").login(guarded, PASSWORD)
+    enrol(client)
+    engineer = at(site, "127.0.2.26").login("emil", PASSWORD)
+    assert {each["name"] for each in engineer.get("/api/users") if each["second_factor"]} == {guarded}
+    path = f"/api/users/{guarded}/second_factor/end"
+    assert code(client, "POST", path, CONFIRMED) == "role"
+    assert code(engineer, "POST", path, {"own_password": WRONG}) == "own_password"
+    engineer.post(path, CONFIRMED)
+    enrol(at(site, "127.0.2.25").login(guarded, PASSWORD))
+    # Another password does not end it.
+    engineer.post("/api/users", {"name": guarded, "role": "viewer", "password": PASSWORD, **CONFIRMED})
+    assert with_code(site, "127.0.2.25", guarded, "") == "code"
+    site.run("user", guarded, "--no-second-factor", stdin=PASSWORD)
+    assert login(at(site, "127.0.2.25"), guarded, PASSWORD) == 200
+
+
+def test_codes_are_good_once_while_nothing_can_be_stored(site: Site, guarded: str) -> None:
+    secret, recovery = enrol(at(site, "127.0.2.27").login(guarded, PASSWORD))
+    with storing_no_login(site):
+        right = code_of(secret, 1)
+        answers = [with_code(site, "127.0.2.27", guarded, each) for each in (right, right, recovery[0])]
+    assert answers in (["in", "wrong_code", "wrong_code"], ["wrong_code"] * 3)  # its step may have ended
 
 
 # ---- the file ------------------------------------------------------------------------------------

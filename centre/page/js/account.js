@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What one has open, tokens for programs, and the own password.
+// What one has open, tokens for programs, the own password and a second factor.
 import { h, setText } from "./dom.js";
 import * as live from "./live.js";
 import { t, time } from "./words.js";
@@ -17,7 +17,7 @@ function labelled(key, field) {
 
 // Why it was refused, in the words of the page.
 export function reason(refused) {
-  const key = { own_password: "own_wrong", guesses: "login_wait", logins: "login_busy", password: "login_failed" }[refused.code] ?? "failed";
+  const key = { own_password: "own_wrong", guesses: "login_wait", wrong_code: "code_wrong", logins: "login_busy", password: "login_failed" }[refused.code] ?? "failed";
   return t(key, { error: refused.message, s: refused.wait });
 }
 
@@ -88,12 +88,53 @@ function passwordPart(changed) {
   });
 }
 
+// Codes by an app, asked for from the moment that one of them has come back.
+function secondPart() {
+  const place = h("div");
+  const secret = (made) => [t("second_read"), h("code", { class: "secret" }, made.secret.match(/.{4}/g).join(" ")), h("a", { href: made.uri }, t("second_open"))];
+
+  function offer() {
+    const own = input("password", "own");
+    const code = input("text", "code", { autocomplete: "one-time-code", maxLength: 32 });
+    const begin = part("second_code", "second_on", [labelled("code", code)], async () => {
+      const { recovery_codes: codes } = await live.ask("second_factor/begin", { code: code.value });
+      show(h("div", { class: "part", role: "status" }, h("h3", {}, t("second_is_on")), t("recovery_once"), h("code", { class: "secret" }, codes.join("  "))));
+      return [];
+    });
+    begin.hidden = true;
+    const first = part("second_factor", "second_offer", [h("p", { class: "muted" }, t("second_why")), labelled("password_own", own)], async () => {
+      const made = secret(await live.ask("second_factor/offer", { own_password: own.value }));
+      begin.hidden = false;
+      return made;
+    });
+    return [first, begin];
+  }
+
+  function ending(left) {
+    const own = input("password", "own");
+    const code = input("text", "code", { autocomplete: "one-time-code", maxLength: 32 });
+    const fields = [h("p", { class: "muted" }, t("recovery_left", { n: left })), labelled("password_own", own), labelled("code_or_recovery", code)];
+    return part("second_is_on", "second_off", fields, async () => {
+      await live.ask("second_factor/end", { own_password: own.value, code: code.value });
+      show();
+      return [];
+    });
+  }
+
+  async function show(news) {
+    const now = await live.ask("second_factor");
+    place.replaceChildren(...(news ? [news] : now.on ? [ending(now.recovery_codes)] : offer()));
+  }
+  show().catch((refused) => place.replaceChildren(h("p", { class: "error", role: "alert" }, reason(refused))));
+  return place;
+}
+
 export function showAccount() {
   const dialog = h("dialog", { class: "account", "aria-label": t("account") });
   const open = sessionTable();
   dialog.append(
     h("div", { class: "body" }, h("h2", {}, `${t("account")} · ${live.session.user} · ${t(live.session.role)}`),
-      open.element, tokenPart(open.show), passwordPart(open.show)),
+      open.element, tokenPart(open.show), passwordPart(open.show), secondPart()),
     h("div", { class: "end" }, h("button", { type: "button", onclick: () => dialog.close() }, t("close"))));
   dialog.addEventListener("close", () => dialog.remove());
   document.body.append(dialog);

@@ -43,19 +43,24 @@ function showLogin(said = "") {
   const error = h("p", { class: "error", role: "alert" }, said);
   const name = h("input", { id: "name", autocomplete: "username", required: true });
   const password = h("input", { id: "password", type: "password", autocomplete: "current-password", required: true });
+  const code = h("input", { id: "code", autocomplete: "one-time-code", inputMode: "numeric", maxLength: 32 });
+  const asked = h("label", { hidden: true }, t("code_or_recovery"), code);
   const form = h("form", { class: "card" },
     h("div", { class: "brand" }, h("img", { src: "icon.svg", alt: "" }), h("h1", {}, `OpenRTU · ${t("title")}`)),
-    h("label", {}, t("user"), name), h("label", {}, t("password"), password),
+    h("label", {}, t("user"), name), h("label", {}, t("password"), password), asked,
     error, h("button", { class: "main" }, t("login")), languages(() => showLogin()));
   form.addEventListener("submit", async (event) => {
     event.preventDefault();
     setText(error, "");
     try {
-      await live.ask("login", { name: name.value, password: password.value });
+      await live.ask("login", { name: name.value, password: password.value, code: code.value });
       await enter();
     } catch (refused) {
-      setText(error, reason(refused));
-      password.select();
+      const first = refused.code === "code"; // the password was right, and more is needed
+      asked.hidden &&= !first;
+      setText(error, first ? "" : reason(refused));
+      if (asked.hidden) password.select();
+      else code.select();
     }
   });
   document.title = t("title");
