@@ -195,7 +195,8 @@ def storing_no_login(site: Site) -> Iterator[None]:
         with full(site):
             yield
         return
-    none = "CREATE FUNCTION refuse() RETURNS trigger LANGUAGE plpgsql AS $$ BEGIN RAISE disk_full; END $$"
+    does = "RETURNS trigger LANGUAGE plpgsql AS $$ BEGIN RAISE disk_full; END $$"
+    none = f"CREATE OR REPLACE FUNCTION refuse() {does}"
     site.server.rows(f"{none}; CREATE TRIGGER refuse BEFORE INSERT ON sessions EXECUTE FUNCTION refuse()")
     yield
     site.server.rows("DROP TRIGGER refuse ON sessions")
