@@ -231,6 +231,8 @@ static void take_link(struct snmp_agent *agent, uint16_t type, const uint8_t *at
 		take_of_link(&interface, link.ifi_flags, header.rta_type & NLA_TYPE_MASK, octets, size);
 	if (interface.link == SNMP_LINK_UP)
 		interface.speed = speed_of(interface.name);
+	if (interface.type == LOOPBACK)
+		interface.address_size = 0; /* the kernel's zeros are none (RFC 2863, ifPhysAddress) */
 	if (interface.name[0] != '\0')
 		snmp_interface_is(agent, &interface);
 }
