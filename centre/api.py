@@ -21,9 +21,9 @@ from openrtu_tools.centre.exports import STRETCH_NS
 from openrtu_tools.centre.formats import Writer
 from openrtu_tools.centre.intake import COMMAND_COLUMNS
 from openrtu_tools.centre.model import NS_PER_MS, Alarm, Command, Json
-from openrtu_tools.centre.store import Row, audit
+from openrtu_tools.centre.store import INTEGER_MOST, Row, audit
 from openrtu_tools.centre.web import HEADERS, Asked, Route
-from openrtu_tools.centre.wire import INTEGER_MOST, described
+from openrtu_tools.centre.wire import described
 
 log = logging.getLogger("centre")
 
@@ -397,8 +397,6 @@ def _audit_filter(asked: Asked) -> tuple[str, list[Any]]:
         where += f" AND action IN ({', '.join('?' * len(AUDITED[kind]))})"
         values += AUDITED[kind]
     return where, values
-
-
 
 
 async def openapi(asked: Asked) -> Json:

@@ -20,11 +20,10 @@ from openrtu_tools.centre.errors import CentreError
 from openrtu_tools.centre.formats import FORMATS, Place, Writer, moment, table
 from openrtu_tools.centre.model import NS_PER_MS, Json, metres
 from openrtu_tools.centre.records import INVALID
-from openrtu_tools.centre.store import Row, Store
+from openrtu_tools.centre.store import INTEGER_MOST, Row, Store
 
 ROWS_AT_ONCE = 2000  # what is in memory
 STRETCH_NS = 60 * 10**9
-INTEGER_MOST = 2**63 - 1
 NICENESS = 10  # values come first
 POINTS_MOST = 1000  # so many are looked for point by point; of more, all of a time is read
 

@@ -14,6 +14,7 @@ Answer = TypeVar("Answer")
 Row = dict[str, Any]
 
 READERS = 2
+INTEGER_MOST = 2**63 - 1  # of a column
 
 
 class EventRow(NamedTuple):

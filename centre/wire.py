@@ -11,10 +11,10 @@ import jsonschema
 from aiohttp import web
 
 from openrtu_tools.centre.errors import RefusedError
+from openrtu_tools.centre.store import INTEGER_MOST
 
 Json = dict[str, Any]
 BODY_S = 15.0
-INTEGER_MOST = 2**63 - 1
 
 
 def check(schema: Json, value: Any) -> None:
