@@ -9,7 +9,7 @@ static void count_refusal(struct iec104_connection *connection, enum iec104_caus
 	_Atomic uint32_t *counters = connection->session.counters;
 
 	if (cause >= IEC104_UNKNOWN_TYPE)
-		map_count(&counters[IEC104_COUNT_UNKNOWN_TYPE + cause - IEC104_UNKNOWN_TYPE], 1);
+		map_count(&counters[IEC104_COUNT_UNKNOWN_TYPE + (int)cause - (int)IEC104_UNKNOWN_TYPE], 1);
 	else if (negative)
 		map_count(&counters[IEC104_COUNT_NEGATIVE], 1);
 }
