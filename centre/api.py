@@ -30,6 +30,8 @@ log = logging.getLogger("centre")
 COMMANDS = ", ".join(f'"{column}"' for column in COMMAND_COLUMNS)
 ROWS = 500  # of a page
 CHART_ROWS = 5000  # of a chart; ROWS_MOST of chart.js
+IDS_MOST = 5000  # of alarms
+ALARM_KINDS = ("lost", "quality", "clock", "high", "low", "state", "inside", "outside")
 MARKS_AT_ONCE = 200  # of a file
 DAY_S = 86400.0
 AUDIT_S = 30 * DAY_S
@@ -283,15 +285,24 @@ async def tracks(asked: Asked) -> Any:
 
 
 async def alarms(asked: Asked) -> list[Json]:
-    """Open ones; with from or to, all of that time, newest first."""
+    """Open ones; with from or to, all that came in that time, newest first."""
+    station, kind = _asked(asked, "station", 0), asked.query.get("kind", "")
+    seen = [id_ for id_ in asked.stations() if not station or id_ == station]
+    if kind and kind not in ALARM_KINDS:
+        raise RefusedError(400, "form", f"{kind} is no kind: {', '.join(ALARM_KINDS)}")
     if not {"from", "to"} & asked.query.keys():
-        return [alarm.view() for alarm in asked.centre.model.alarms.values() if asked.sees(alarm.station)]
+        among = set(seen)
+        return [
+            alarm.view()
+            for alarm in asked.centre.model.alarms.values()
+            if alarm.station in among and kind in ("", alarm.kind)
+        ]
     begin, end = _span(asked, DAY_S)
-    rows = await asked.centre.store.read(
-        f"SELECT * FROM alarms WHERE since_ns BETWEEN ? AND ? AND station {asked.centre.store.among}"
-        " ORDER BY since_ns DESC LIMIT ?",
-        begin, end, json.dumps(list(asked.stations())), ROWS,
-    )  # fmt: skip
+    sql = f"SELECT * FROM alarms WHERE since_ns BETWEEN ? AND ? AND station {asked.centre.store.among}"
+    values: list[Any] = [begin, end, json.dumps(seen)]
+    if kind:
+        sql, values = f"{sql} AND kind = ?", [*values, kind]
+    rows = await asked.centre.store.read(f"{sql} ORDER BY since_ns DESC LIMIT ?", *values, ROWS)
     return [Alarm(**row).view() for row in rows]
 
 
@@ -308,8 +319,16 @@ async def acknowledge(asked: Asked) -> Json:
     return (await asked.centre.acknowledge(asked.session.user, _alarm_id(asked))).view()
 
 
+async def acknowledge_many(asked: Asked) -> Json:
+    """Of those that somebody else was first with, or that are not there for the user, nothing is said."""
+    known = asked.centre.model.alarms
+    ids = [id_ for id_ in asked.body["ids"] if id_ in known and asked.sees(known[id_].station)]
+    return {"acknowledged": await asked.centre.acknowledge_many(asked.session.user, ids)}
+
+
 async def shelve(asked: Asked) -> Json:
-    return (await asked.centre.shelve(asked.session.user, _alarm_id(asked), asked.body["minutes"])).view()
+    minutes, why = asked.body["minutes"], asked.body.get("why", "")
+    return (await asked.centre.shelve(asked.session.user, _alarm_id(asked), minutes, why)).view()
 
 
 async def commands(asked: Asked) -> list[Json]:
@@ -429,10 +448,14 @@ ROUTES = [
     Route("GET", "/api/tracks", "viewer", "ways of vehicles; a gap begins a new segment", tracks,
           {**SPAN, **FORMAT, "point": {"type": "integer"}, "step": STEP}, answer="application/geo+json"),
     Route("GET", "/api/areas", "viewer", "the areas of the map", areas),
-    Route("GET", "/api/alarms", "viewer", "open alarms, or all of a time", alarms, SPAN),
+    Route("GET", "/api/alarms", "viewer", "open alarms, or all that came in a time", alarms,
+          {**SPAN, **STATION, "kind": {"type": "string", "enum": list(ALARM_KINDS)}}),
+    Route("POST", "/api/alarms/acknowledge", "operator", "acknowledge many alarms", acknowledge_many,
+          body=described(["ids"], ids={"type": "array", "items": {"type": "integer"}, "maxItems": IDS_MOST})),
     Route("POST", "/api/alarms/{id}/acknowledge", "operator", "acknowledge an alarm", acknowledge),
     Route("POST", "/api/alarms/{id}/shelve", "operator", "put an alarm aside for minutes; 0 brings it back",
-          shelve, body=described(["minutes"], minutes={"type": "number", "minimum": 0, "maximum": 10080})),
+          shelve, body=described(["minutes"], minutes={"type": "number", "minimum": 0, "maximum": 10080},
+                         why={"type": "string", "maxLength": 200})),
     Route("GET", "/api/commands", "viewer", "the last commands", commands),
     Route("GET", "/api/commands/{id}", "viewer", "one command", one_command),
     Route("POST", "/api/commands", "operator", "select, or command where nothing is selected", command,

@@ -469,23 +469,41 @@ class Centre:
         """Who comes second is told who came first."""
 
         def put(database: Database) -> Alarm:
-            alarm = self._open_alarm(id_)
-            if alarm.acknowledged_ns is not None:
-                raise RefusedError(409, "acknowledged", f"{alarm.acknowledged_by} has acknowledged it")
-            audit(database, time.time_ns(), user, "acknowledge", f"alarm {id_}: {alarm.kind}", alarm.station)
-            alarm = replace(alarm, acknowledged_ns=time.time_ns(), acknowledged_by=user)
-            self.intake.put_alarm(database, alarm)
-            return alarm
+            return self._acknowledge(database, user, id_)
 
         return await self.change(put)
 
-    async def shelve(self, user: str, id_: int, minutes: float) -> Alarm:
+    async def acknowledge_many(self, user: str, ids: list[int]) -> list[int]:
+        """Those of them that nobody had acknowledged before. One transaction, however many."""
+
+        def put(database: Database) -> list[int]:
+            done = []
+            for id_ in dict.fromkeys(ids):
+                with suppress(RefusedError):
+                    done.append(self._acknowledge(database, user, id_).id)
+            return done
+
+        return await self.change(put)
+
+    def _acknowledge(self, database: Database, user: str, id_: int) -> Alarm:
+        """Raises RefusedError."""
+        alarm = self._open_alarm(id_)
+        if alarm.acknowledged_ns is not None:
+            raise RefusedError(409, "acknowledged", f"{alarm.acknowledged_by} has acknowledged it")
+        audit(database, time.time_ns(), user, "acknowledge", f"alarm {id_}: {alarm.kind}", alarm.station)
+        alarm = replace(alarm, acknowledged_ns=time.time_ns(), acknowledged_by=user)
+        self.intake.put_alarm(database, alarm)
+        return alarm
+
+    async def shelve(self, user: str, id_: int, minutes: float, why: str) -> Alarm:
         """Out of sight for a time; 0 brings it back."""
 
         def put(database: Database) -> Alarm:
             until_ns = time.time_ns() + int(minutes * 60e9) if minutes else 0
-            alarm = replace(self._open_alarm(id_), shelved_until_ns=until_ns)
-            text = f"alarm {id_}: {alarm.kind}, {minutes:g} min"
+            alarm = replace(
+                self._open_alarm(id_), shelved_until_ns=until_ns, shelved_why=why if minutes else ""
+            )
+            text = f"alarm {id_}: {alarm.kind}, {minutes:g} min{': ' if why else ''}{why}"
             audit(database, time.time_ns(), user, "shelve", text, alarm.station)
             self.intake.put_alarm(database, alarm)
             return alarm

@@ -553,19 +553,21 @@ class Intake:
         if alarm:  # one that comes and goes is one until somebody has acknowledged it
             if alarm.gone_ns is not None:
                 told = alarm.value if value is None else value
-                self.put_alarm(database, replace(alarm, gone_ns=None, value=told))
+                last_ns = max(at_ns, alarm.last_ns)
+                again = replace(alarm, gone_ns=None, value=told, returns=alarm.returns + 1, last_ns=last_ns)
+                self.put_alarm(database, again)
             return
         kind, station, place, area = key
         ca = point.ca if point else place
         value = point.value if point else value
         id_ = inserted(
             database,
-            "INSERT INTO alarms (kind, station, point, ca, priority, value, since_ns, area)"
-            " VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
-            (kind, station, point and point.id, ca, priority, value, at_ns, area),
+            "INSERT INTO alarms (kind, station, point, ca, priority, value, since_ns, last_ns, area)"
+            " VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+            (kind, station, point and point.id, ca, priority, value, at_ns, at_ns, area),
         )
         self.changes.alarms[id_] = Alarm(
-            id_, kind, station, point and point.id, ca, priority, value, at_ns, area=area
+            id_, kind, station, point and point.id, ca, priority, value, at_ns, area=area, last_ns=at_ns
         )
         self.new_alarms[key] = id_
 

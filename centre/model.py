@@ -170,6 +170,9 @@ class Alarm:
     acknowledged_by: str | None = None
     shelved_until_ns: int = 0
     area: str | None = None
+    returns: int = 0  # how often it came again before somebody acknowledged it
+    last_ns: int = 0  # when it came last
+    shelved_why: str = ""
 
     @property
     def open(self) -> bool:
@@ -195,6 +198,9 @@ class Alarm:
             "by": self.acknowledged_by,
             "shelved": milliseconds(self.shelved_until_ns),
             "area": self.area,
+            "returns": self.returns,
+            "last": milliseconds(self.last_ns),
+            "why": self.shelved_why,
         }
 
 

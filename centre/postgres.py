@@ -181,6 +181,12 @@ MIGRATIONS = (
     ALTER TABLE users ADD COLUMN totp_step BIGINT NOT NULL DEFAULT 0;
     ALTER TABLE users ADD COLUMN recovery TEXT NOT NULL DEFAULT '';
     """,
+    """
+    ALTER TABLE alarms ADD COLUMN returns INTEGER NOT NULL DEFAULT 0;
+    ALTER TABLE alarms ADD COLUMN last_ns BIGINT NOT NULL DEFAULT 0;
+    UPDATE alarms SET last_ns = since_ns;
+    ALTER TABLE alarms ADD COLUMN shelved_why TEXT NOT NULL DEFAULT '';
+    """,
 )
 
 # Of a database that has PostGIS, for those who read: QGIS, distances. In degrees of WGS 84, and metres,

@@ -159,6 +159,12 @@ MIGRATIONS = (
     ALTER TABLE users ADD COLUMN totp_step INTEGER NOT NULL DEFAULT 0; -- of the last code that was used
     ALTER TABLE users ADD COLUMN recovery TEXT NOT NULL DEFAULT ''; -- hashes of codes, one a line
     """,
+    """
+    ALTER TABLE alarms ADD COLUMN returns INTEGER NOT NULL DEFAULT 0;
+    ALTER TABLE alarms ADD COLUMN last_ns INTEGER NOT NULL DEFAULT 0;
+    UPDATE alarms SET last_ns = since_ns;
+    ALTER TABLE alarms ADD COLUMN shelved_why TEXT NOT NULL DEFAULT '';
+    """,
 )
 
 

@@ -498,6 +498,7 @@ def test_alarm_is_acknowledged_by_two_at_once(
     expect(page.locator(".error")).to_contain_text("was first")
     expect(row).to_contain_text("omar")
     stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 1))
+    page.mouse.move(5, 5)
     expect(row).to_have_count(0)
 
 
@@ -562,12 +563,59 @@ def test_alarm_sounds_and_is_shelved(page: Page, stations: Stations, north: Stat
     expect(row).to_be_visible()
     until(lambda: page.evaluate("tones") > heard, "a tone of the alarm")
     row.get_by_role("button", name="Shelve").click()
+    page.get_by_label("Reason").fill("pump test")
+    page.keyboard.press("Enter")
+    expect(row).to_contain_text("shelved until")  # the focus is back at its button
+    page.locator("h2", has_text="Alarms").click()
     expect(row).to_have_count(0)
     page.get_by_role("button", name="Shelved (1)").click()
+    expect(row).to_contain_text("pump test")
     row.get_by_role("button", name="Unshelve").click()
     row.get_by_role("button", name="Acknowledge").click()
     stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 1))
+    expect(row).to_contain_text("gone")
+    page.mouse.move(5, 5)
     expect(row).to_have_count(0)
+    page.get_by_role("button", name="Past alarms").click()
+    page.get_by_label("What").select_option("high")
+    expect(row.first).to_be_visible()
+    expect(page.locator("tbody tr", has_text="lost")).to_have_count(0)
+
+
+def test_no_row_slides_under_the_pointer_and_many_are_acknowledged_at_once(
+    page: Page, stations: Stations, north: Station
+) -> None:
+    """A click is meant for what is under it; active alarms stand before those that are gone."""
+    view(page, "alarms")
+    low = page.locator("tr", has_text="level is too high")
+    fire = page.locator("tbody tr", has_text="fire").filter(has_text="north")
+    stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 9))
+    expect(low).to_be_visible()
+    page.get_by_placeholder("Search").fill("NORTH")
+    low.get_by_role("button", name="Acknowledge").hover()
+
+    def top() -> float:
+        box = low.bounding_box()
+        assert box
+        return box["y"]
+
+    before = top()
+    stations.say(north, 5, M_SP_TB_1, single(now_ms(), True))
+    expect(fire).to_be_visible()
+    assert top() == before
+    stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 1))
+    expect(low).to_contain_text("gone")
+    stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 9))
+    expect(low).to_contain_text("1 \N{MULTIPLICATION SIGN} again")
+    stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 1))
+    expect(low).to_contain_text("gone")
+    assert top() == before
+    page.mouse.move(5, 5)
+    expect(page.locator("tbody tr").first).to_contain_text("fire")
+    page.get_by_role("button", name="Acknowledge shown (2)").click()
+    expect(low).to_have_count(0)
+    stations.say(north, 5, M_SP_TB_1, single(now_ms(), False))
+    expect(fire).to_have_count(0)
 
 
 def test_lost_connection_is_shown_and_comes_back(

@@ -395,10 +395,35 @@ def test_one_that_comes_and_goes_is_one_alarm(site: Site, stations: Stations, no
     alarms = open_alarms(client, "state")
     assert len(alarms) == 1
     assert alarms[0]["gone"]
-    shelved = client.post(f"/api/alarms/{alarms[0]['id']}/shelve", {"minutes": 10})
-    assert shelved["shelved"] > now_ms()
+    assert (alarms[0]["returns"], alarms[0]["last"] > alarms[0]["since"]) == (1, True)
+    shelved = client.post(f"/api/alarms/{alarms[0]['id']}/shelve", {"minutes": 10, "why": "fire drill"})
+    assert shelved["shelved"] > now_ms() and shelved["why"] == "fire drill"
+    assert site.client("emil").get("/api/audit?kind=alarms")[0]["detail"].endswith("10 min: fire drill")
     client.post(f"/api/alarms/{alarms[0]['id']}/acknowledge")
     assert not open_alarms(client, "state")
+
+
+def test_many_alarms_are_acknowledged_in_one_step(site: Site, stations: Stations, north: Station) -> None:
+    """Each is in the audit. Nothing is said of those that are gone, or are not there for the user."""
+    client = site.client("olga")
+    stations.say(north, 5, M_SP_TB_1, single(now_ms(), True))
+    stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 9))
+    until(lambda: open_alarms(client, "state") and open_alarms(client, "high"), "two alarms")
+    ids = [open_alarms(client, kind)[0]["id"] for kind in ("state", "high")]
+    answer = client.post("/api/alarms/acknowledge", {"ids": [*ids, ids[0], 10**9]})
+    assert answer == {"acknowledged": ids}
+    assert {each["by"] for kind in ("state", "high") for each in open_alarms(client, kind)} == {"olga"}
+    assert client.post("/api/alarms/acknowledge", {"ids": ids}) == {"acknowledged": []}
+    audit = site.client("emil").get("/api/audit?kind=alarms")
+    assert {row["detail"] for row in audit[:2]} == {f"alarm {ids[0]}: state", f"alarm {ids[1]}: high"}
+    stations.say(north, 5, M_SP_TB_1, single(now_ms(), False))
+    stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 1))
+    until(lambda: not open_alarms(client, "state") and not open_alarms(client, "high"), "both are gone")
+    past = client.get("/api/alarms?from=0&kind=high")
+    assert past[0]["id"] == ids[1] and {each["kind"] for each in past} == {"high"}
+    assert client.get(f"/api/alarms?from=0&station={station_id(client, 'south')}&kind=high") == []
+    with pytest.raises(AnswerError):
+        client.get("/api/alarms?kind=x")
 
 
 def test_vehicle_in_an_area_and_out_of_one(site: Site, stations: Stations, north: Station) -> None:

@@ -9,6 +9,9 @@ import { ahead, number, t, time } from "./words.js";
 
 const PRIORITIES = { 1: ["bad", "high"], 2: ["old", "medium"], 3: ["none", "low"] };
 const SHELVED_MIN = 60;
+const IDS_MOST = 5000; // of a request, in api.py
+const DAY_MS = 86400000;
+const KINDS = ["lost", "quality", "clock", "high", "low", "state", "inside", "outside"];
 const CAUSES_OF_EVENTS = { 3: "spontaneous", 11: "remote", 12: "local", 20: "interrogated" };
 const ACCEPTED = 2; // state of a command
 let sound = false;
@@ -43,28 +46,77 @@ function beep() {
 
 // ---- alarms --------------------------------------------------------------------------------------
 
+// Not acknowledged before acknowledged, active before gone, then by priority, the newest first.
+function byUrgency(a, b) {
+  return Boolean(a.acknowledged) - Boolean(b.acknowledged) || Boolean(a.gone) - Boolean(b.gone) || a.priority - b.priority || b.last - a.last;
+}
+
+function isShelved(alarm) {
+  return (alarm.shelved ?? 0) > live.now();
+}
+
+// While a pointer or the focus is among the rows, none moves: a click is meant for what is under it. What is new comes behind them, what
+// ends stays until then.
+class Order {
+  constructor(body) {
+    this.by = new Set(); // what holds them
+    this.ids = [];
+    this.last = new Map(); // by id, as it was shown last
+    this.changed = () => {};
+    body.addEventListener("pointerenter", () => this.by.add("pointer"));
+    body.addEventListener("pointerleave", () => this.release("pointer"));
+    body.addEventListener("focusin", (event) => { if (event.target.matches(":focus-visible")) this.by.add("focus"); });
+    body.addEventListener("focusout", (event) => { if (!body.contains(event.relatedTarget)) this.release("focus"); });
+  }
+
+  release(what) {
+    if (this.by.delete(what)) this.changed();
+  }
+
+  of(alarms) {
+    const kept = this.by.size ? this.ids : [];
+    this.ids = [...new Set([...kept, ...[...alarms].sort(byUrgency).map((alarm) => alarm.id)])];
+    this.last = new Map(this.ids.map((id) => [id, live.alarms.get(id) ?? this.last.get(id)]));
+    return [...this.last];
+  }
+
+  // One that has ended is told once, and is no longer in the list.
+  take(alarms) {
+    for (const alarm of alarms) if (this.last.has(alarm.id)) this.last.set(alarm.id, alarm);
+  }
+}
+
 function alarmTable(place) {
   const body = h("tbody");
   const none = h("div");
   const failure = h("p", { class: "error", role: "alert" });
+  const news = h("p", { class: "visually-hidden", "aria-live": "polite" });
+  const search = h("input", { type: "search", placeholder: t("search"), "aria-label": t("search"), oninput: () => update() });
+  const many = h("button", { class: "small", onclick: () => acknowledgeShown() });
   const shelvedButton = h("button", { class: "small", onclick: () => { withShelved = !withShelved; update(); } });
   const soundButton = h("button", { class: "small", onclick: () => { sound = !sound; if (sound) beep(); update(); } }, t("sound"));
   let withShelved = false;
   let known = null;
+  let toAcknowledge = [];
   const headings = ["priority", "since", "station", "what", "state", "by", ""];
   const table = h("table", {}, h("thead", {}, h("tr", {}, ...headings.map((key) => h("th", { class: key === "by" ? "clutter" : "" }, key ? t(key) : "")))), body);
   place.append(h("section", { class: "card" },
-    h("div", { class: "row" }, h("h2", { class: "grow" }, t("alarms")), failure, shelvedButton, soundButton), h("div", { class: "scroll" }, table), none));
+    h("div", { class: "row" }, h("h2", { class: "grow" }, t("alarms")), failure, search, many, shelvedButton, soundButton),
+    news, h("div", { class: "scroll" }, table), none));
+  const order = new Order(body);
+  order.changed = () => update();
 
-  async function doing(path, body) {
+  async function doing(path, content) {
     setText(failure, "");
     try {
-      await live.ask(path, body);
+      await live.ask(path, content);
     } catch (refused) {
       const alarm = live.alarms.get(Number(path.split("/")[1]));
       setText(failure, refused.code === "acknowledged" ? t("acknowledged_first", { by: alarm?.by ?? "?" }) : t("failed", { error: refused.message }));
     }
   }
+
+  const acknowledgeShown = () => doing("alarms/acknowledge", { ids: toAcknowledge.slice(0, IDS_MOST) });
 
   const rows = new Rows(body, (id) => {
     const cells = Array.from({ length: 7 }, () => h("td"));
@@ -79,41 +131,81 @@ function alarmTable(place) {
         const [kind, word] = PRIORITIES[alarm.priority];
         fill(priority, kind, () => state(kind, t(word)));
         setText(since, time(alarm.since));
+        since.title = alarm.returns ? t("again", { n: alarm.returns, time: time(alarm.last) }) : "";
         setText(station, live.stations.get(alarm.station)?.name ?? "");
-        setText(what, words(alarm));
-        const shelved = (alarm.shelved ?? 0) > live.now();
-        setText(how, shelved ? t("shelved", { time: time(alarm.shelved) }) : t(alarm.gone ? "gone" : "active"));
+        setText(what, alarm.returns ? `${words(alarm)} (${t("again", { n: alarm.returns, time: time(alarm.last) })})` : words(alarm));
+        const shelved = isShelved(alarm);
+        const now = t(alarm.gone ? "gone" : "active");
+        setText(how, shelved ? [t("shelved", { time: time(alarm.shelved) }), alarm.why].filter(Boolean).join(": ") : now);
         setText(by, alarm.acknowledged ? `${alarm.by}, ${time(alarm.acknowledged)}` : "–");
         row.classList.toggle("unacknowledged", !alarm.acknowledged);
-        fill(act, `${Boolean(alarm.acknowledged)}${shelved}`, () => (live.may("operator") ? [
+        const over = !live.alarms.has(id);
+        fill(act, `${Boolean(alarm.acknowledged)}${shelved}${over}`, () => (live.may("operator") && !over ? [
           ...(alarm.acknowledged ? [] : [h("button", { class: "small main", onclick: () => doing(`alarms/${id}/acknowledge`, {}) }, t("acknowledge"))]),
-          h("button", { class: "small", onclick: () => doing(`alarms/${id}/shelve`, { minutes: shelved ? 0 : SHELVED_MIN }) }, t(shelved ? "unshelve" : "shelve")),
+          h("button", { class: "small", onclick: () => (shelved ? doing(`alarms/${id}/shelve`, { minutes: 0 }) : shelve(id)) }, t(shelved ? "unshelve" : "shelve")),
         ] : []));
       },
     };
   });
 
+  function shelve(id) {
+    const why = h("input", { maxLength: 200, "aria-label": t("why"), placeholder: t("why") });
+    const dialog = h("dialog", { "aria-label": t("shelve"), onclose: () => dialog.remove() },
+      h("form", { method: "dialog", class: "body", onsubmit: () => doing(`alarms/${id}/shelve`, { minutes: SHELVED_MIN, why: why.value }) },
+        h("h2", {}, t("shelve")), why,
+        h("div", { class: "end" }, h("button", { type: "button", onclick: () => dialog.close() }, t("close")), h("button", { class: "main" }, t("shelve")))));
+    document.body.append(dialog);
+    dialog.showModal();
+  }
+
+  function fits(alarm) {
+    const wanted = search.value.toLocaleLowerCase();
+    return !wanted || `${live.stations.get(alarm.station)?.name ?? ""} ${words(alarm)}`.toLocaleLowerCase().includes(wanted);
+  }
+
   function update() {
-    const all = [...live.alarms.values()].sort((a, b) => Boolean(a.acknowledged) - Boolean(b.acknowledged) || a.priority - b.priority || b.since - a.since);
-    const shelved = all.filter((alarm) => (alarm.shelved ?? 0) > live.now());
-    const shown = withShelved ? all : all.filter((alarm) => !shelved.includes(alarm));
-    rows.show(shown.map((alarm) => [alarm.id, alarm]));
-    table.hidden = !shown.length;
-    fill(none, String(shown.length > 0 || !live.centre.connected), () => (shown.length || !live.centre.connected ? [] : empty(t("no_alarms"), t("no_alarms_more"))));
+    const all = [...live.alarms.values()];
+    const shelved = all.filter(isShelved);
+    const shown = all.filter((alarm) => (withShelved || !isShelved(alarm)) && fits(alarm));
+    rows.show(order.of(shown));
+    table.hidden = !order.ids.length;
+    fill(none, String(order.ids.length > 0 || !live.centre.connected), () => (order.ids.length || !live.centre.connected ? [] : empty(t("no_alarms"), t("no_alarms_more"))));
     setText(shelvedButton, t("shelved_show", { n: shelved.length }));
     shelvedButton.hidden = !shelved.length;
     shelvedButton.setAttribute("aria-pressed", String(withShelved));
     soundButton.setAttribute("aria-pressed", String(sound));
-    const active = new Set(all.filter((alarm) => !alarm.acknowledged && !shelved.includes(alarm)).map((alarm) => alarm.id));
-    if (sound && known && [...active].some((id) => !known.has(id))) beep();
+    toAcknowledge = shown.filter((alarm) => !alarm.acknowledged).map((alarm) => alarm.id);
+    setText(many, t("acknowledge_shown", { n: toAcknowledge.length }));
+    many.hidden = toAcknowledge.length < 2 || !live.may("operator");
+    const active = new Set(all.filter((alarm) => !alarm.acknowledged && !isShelved(alarm)).map((alarm) => alarm.id));
+    const fresh = known ? [...active].filter((id) => !known.has(id)).length : 0;
+    if (fresh) setText(news, t("new_alarms", { n: fresh }));
+    if (sound && fresh) beep();
     known = active;
   }
   const unwatch = live.watch((changes) => {
+    order.take(changes.alarms);
     if (changes.alarms.some((alarm) => alarm.point && !names.has(alarm.point))) learnNames().then(update);
     update();
   });
   update();
   return unwatch;
+}
+
+// What came in a time, of one station and kind or of all.
+function pastAlarms(place) {
+  const spans = { hours_24: 1, days_7: 7, days_30: 30 };
+  const span = h("select", { "aria-label": t("time") }, ...Object.keys(spans).map((key) => h("option", { value: String(spans[key]) }, t(key))));
+  const kind = h("select", { "aria-label": t("what") }, h("option", { value: "" }, t("all_kinds")), ...KINDS.map((key) => h("option", { value: key }, t(`kind_${key}`))));
+  const station = h("select", { "aria-label": t("station") }, h("option", { value: "" }, t("stations")),
+    ...[...live.stations.values()].map((each) => h("option", { value: String(each.id) }, each.name)));
+  return list(place, "past_alarms", ["since", "station", "what", "until_gone", "by"], [span, station, kind], async () => {
+    const asked = new URLSearchParams({ from: String(Math.round(live.now() - Number(span.value) * DAY_MS)) });
+    if (kind.value) asked.set("kind", kind.value);
+    if (station.value) asked.set("station", station.value);
+    return (await live.ask(`alarms?${asked}`)).map((alarm) => [time(alarm.since), stationName(alarm.station), words(alarm),
+      alarm.gone ? time(alarm.gone) : t("active"), alarm.acknowledged ? `${alarm.by}, ${time(alarm.acknowledged)}` : "–"]);
+  });
 }
 
 // ---- what happened -------------------------------------------------------------------------------
@@ -153,6 +245,7 @@ function toRelease(command) {
 
 const TABS = {
   alarms: alarmTable,
+  past_alarms: pastAlarms,
   events: (place) => list(place, "events", ["time", "station", "name", "value", "quality", "cause"],
     [h("a", { href: "api/events?format=csv", download: "" }, "CSV")],
     async () => (await live.ask("events")).map((event) => {
