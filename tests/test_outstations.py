@@ -340,6 +340,13 @@ def test_position_is_one_event_of_four_points(gateway: Run, town: Outstation) ->
             44.8126055,
             -20.461175,
         ]
+        # Without a fix, some stations say 0 degrees, and an altitude.
+        master.request(C_RD, 9999, 1, b"")
+        town.say(201, THERE, (9, place(0, 0, 0, quality=0x80)))
+        told = master.answer(201)
+        assert told.body[:16] == b"\xc8\0\0" + second[:12] + b"\x81"
+        town.say(201, THERE, (9, second))
+        assert master.answer(201).body[:16] == b"\xc8\0\0" + second[:13]
         town.die()
         told = master.answer(201)
         assert told.body[:16] == b"\xc8\0\0" + second[:12] + b"\x81"  # invalid; its altitude is still unknown

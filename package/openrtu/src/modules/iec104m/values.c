@@ -245,6 +245,19 @@ static void samples_of(const struct iec104_geoposition *position, int64_t time_n
 				     .time_ns = time_ns};
 }
 
+/* 0 degrees both, which its own station calls invalid, say that there is no fix: where it was before stays. */
+static bool is_nowhere(const struct iec104_geoposition *position)
+{
+	return (position->quality & MAP_INVALID) != 0 && position->latitude == 0 && position->longitude == 0;
+}
+
+static void keep_place(const struct values *values, uint32_t point,
+		       struct map_sample samples[IEC104_OUTSTATION_POSITION_POINTS])
+{
+	for (uint32_t i = 1; i < IEC104_OUTSTATION_POSITION_POINTS; i++)
+		samples[i].value = map_own_sample(values->map, point + i).value;
+}
+
 /* A position is an event as a whole. */
 static bool is_news(const struct values *values, uint32_t point,
 		    const struct map_sample samples[IEC104_OUTSTATION_POSITION_POINTS])
@@ -272,9 +285,11 @@ bool values_take_position(struct values *values, const struct iec104_asdu *asdu,
 	tag = tag_of(values, !position->time_invalid, position->wall_ns, moment);
 	samples_of(position, tag.at_ns, samples);
 	values_publish(values); /* what came before it; it is compared with what is there */
+	past = is_of_before(entry, rule, &tag, moment);
+	if (!past && is_nowhere(position))
+		keep_place(values, entry->point, samples);
 	news = is_news(values, entry->point, samples);
 	event = rule == MAP_EVENT_ALWAYS || news;
-	past = is_of_before(entry, rule, &tag, moment);
 	for (uint32_t i = 0; i < IEC104_OUTSTATION_POSITION_POINTS; i++)
 		values->updates[values->update_count++] = (struct map_update){
 		    .point = entry->point + i,
