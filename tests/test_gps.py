@@ -152,6 +152,15 @@ def test_events_are_of_fixes_and_not_of_coordinates(programs: Path, directory: P
         assert len(kept) == 3
 
 
+def test_sentences_some_milliseconds_apart_are_one_fix_and_one_event(programs: Path, directory: Path) -> None:
+    """As of a receiver whose RMC is of 20 ms after its GGA, and has no altitude."""
+    with driving(programs, directory, topical_s=60) as drive:
+        for fixes in range(1, 5):
+            drive.receiver.say(burst(now(), *DEPOT, rmc_ms=20))
+            drive.gateway.wait_for(lambda of=fixes: drive.row()["fixes"] >= of, 30.0, "the burst is a fix")
+            assert (drive.row()["fixes"], drive.row()["events"]) == (fixes, 1)
+
+
 def test_geofence_is_an_event_of_its_own(drive: Drive) -> None:
     drive.say(DEPOT)
     with Master(*drive.gateway.address) as master:
