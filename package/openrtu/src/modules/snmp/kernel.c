@@ -305,7 +305,8 @@ static void look_at_links(struct snmp_agent *agent)
 	enum ending ending = NOT_YET;
 	ssize_t size;
 
-	if (links < 0 || send(links, &request, sizeof(request), 0) < 0)
+	if (links < 0 ||
+	    sendto(links, &request, sizeof(request), 0, NULL, 0) < 0) /* send is another call on ARM */
 		return;
 	snmp_interfaces_before(agent);
 	while (ending == NOT_YET && (size = receive(heard, sizeof(heard))) != 0)
