@@ -23,7 +23,7 @@ from pysnmp.hlapi.v3arch.asyncio import (
     bulk_walk_cmd,
 )
 
-from lab.manager import USERS, WATCH, Manager
+from lab.manager import USERS, WATCH, Manager, Silent
 from rights import SUPERUSER, needed
 from snmp import Site, secrets_of, site_of
 
@@ -201,6 +201,28 @@ def test_an_interface_that_comes_again_keeps_its_number(site: Site) -> None:
         again = {value: index for index, value in column(manager, DESCRIPTION).items()}
         assert again[near.encode()] == number
         assert all(again.get(name, index) == index for name, index in numbers.items())
+
+
+@ours
+def test_a_number_outlives_a_changed_configuration(site: Site) -> None:
+    """The agent starts anew with it."""
+    manager, gateway = site.manager(WATCH), site.desk.gateway
+    with pair() as (near, _):
+        number = number_of(manager, near)
+        ip("del", near)
+        wait_gone(site, manager, near)
+    config = gateway.configuration()
+    config["snmp"]["contact"] = "another room"
+    gateway.ctl("reload", gateway.put(config))
+
+    def is_in_force() -> bool:
+        with contextlib.suppress(Silent):
+            return manager.get("1.3.6.1.2.1.1.4.0") == [b"another room"]
+        return False
+
+    gateway.wait_for(is_in_force, 3 * PATIENCE_S, "the new contact")
+    with pair():
+        assert number_of(manager, near) == number
 
 
 @ours
