@@ -48,6 +48,14 @@ static uint32_t plausible(const struct goose_last *last, int64_t now_ns)
 	return passed < INT32_MAX ? (uint32_t)passed : INT32_MAX;
 }
 
+/* How far a number has gone on. Neither has a 0 where it goes round (IEC 61850-8-1, 18.1); who sends one nevertheless is borne. */
+static uint32_t step_of(uint32_t from, uint32_t to)
+{
+	const uint32_t step = to - from;
+
+	return to < from && step > 1 ? step - 1 : step;
+}
+
 static enum goose_verdict judge_step(uint32_t step, uint32_t most, enum goose_verdict good)
 {
 	if (step == 0 || step > INT32_MAX)
@@ -62,16 +70,16 @@ static enum goose_verdict judge_numbers(const struct goose_last *last, const str
 	const uint32_t most = plausible(last, now_ns);
 
 	if (message->state == last->state)
-		return judge_step(message->sequence - last->sequence, most, GOOSE_REPEATED);
-	return judge_step(message->state - last->state, most,
+		return judge_step(step_of(last->sequence, message->sequence), most, GOOSE_REPEATED);
+	return judge_step(step_of(last->state, message->state), most,
 			  message->sequence <= most ? GOOSE_TAKEN : GOOSE_JUMPED);
 }
 
 static uint32_t missed(const struct goose_last *last, const struct goose_message *message)
 {
 	if (message->state == last->state)
-		return message->sequence - last->sequence - 1;
-	return message->state - last->state - 1 + message->sequence;
+		return step_of(last->sequence, message->sequence) - 1;
+	return step_of(last->state, message->state) - 1 + message->sequence;
 }
 
 /* ---- time -------------------------------------------------------------------------------- */

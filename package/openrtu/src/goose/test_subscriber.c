@@ -146,7 +146,18 @@ static void test_numbers_go_round(void **state)
 	(void)state;
 	take(UINT32_MAX, UINT32_MAX, 0);
 	assert_int_equal(take(UINT32_MAX, 1, 1), GOOSE_REPEATED);
+	assert_int_equal(subscriber.missed, 0); /* there is no 0 behind the last number */
 	assert_int_equal(take(1, 0, 2), GOOSE_TAKEN);
+	assert_int_equal(subscriber.missed, 0);
+}
+
+static void test_numbers_may_go_round_to_0(void **state)
+{
+	(void)state;
+	take(5, UINT32_MAX, 0);
+	assert_int_equal(take(5, 0, 1), GOOSE_REPEATED);
+	assert_int_equal(take(5, 1, 2), GOOSE_REPEATED);
+	assert_int_equal(subscriber.missed, 0);
 }
 
 /* One message that does not fit invalidates what holds. Of what was taken, nothing is forgotten. */
@@ -243,6 +254,7 @@ int main(void)
 	    cmocka_unit_test_setup(test_a_time_ahead_is_no_later_than_now, begin),
 	    cmocka_unit_test_setup(test_a_jump_is_not_believed, begin),
 	    cmocka_unit_test_setup(test_numbers_go_round, begin),
+	    cmocka_unit_test_setup(test_numbers_may_go_round_to_0, begin),
 	    cmocka_unit_test_setup(test_another_revision_ends_what_holds_and_forgets_no_number, begin),
 	    cmocka_unit_test_setup(test_messages_of_others, begin),
 	    cmocka_unit_test_setup(test_from_the_first_simulated_message_on_only_such_count, begin),
