@@ -20,16 +20,17 @@ from packaged import alone, packages
 ROOT = Path(__file__).resolve().parent.parent
 MADE = ROOT / "build/tested-containers"
 PATIENCE_S = 60.0
-# A shell's: the root, then pairs of a file and where it is to be, then --, and a command.
+# A shell's: the root, a folder in memory and its options, pairs of a path and where it is to be, --, words.
 ENTER = """
 root=$1
-shift
+mkdir -p "$root$2"
+mount -t tmpfs -o "$3" tmpfs "$root$2"
+shift 3
 mount --rbind /dev "$root/dev"
 mount --rbind /proc "$root/proc"
-mount -t tmpfs -o mode=1777 tmpfs "$root/run"
 while [ "$1" != -- ]; do
   mkdir -p "$root$(dirname "$2")"
-  touch "$root$2"
+  if [ -d "$1" ]; then mkdir "$root$2"; else touch "$root$2"; fi
   mount --bind "$1" "$root$2"
   shift 2
 done
@@ -88,6 +89,7 @@ class Container:
     capabilities: Sequence[str] = ()
     mounts: Mapping[Path, str] = field(default_factory=dict)
     user: str = ""  # another than the image's
+    tmpfs: str = "/run"
 
     def __post_init__(self) -> None:
         with tarfile.open(self.archive) as archive:
@@ -114,7 +116,9 @@ class Container:
     def command(self) -> list[str | Path]:
         """What starts it."""
         mounts = [word for pair in self.mounts.items() for word in map(str, pair)]
-        enter = ["unshare", "--mount", "sh", "-euc", ENTER, "-", self.root, *mounts, "--"]
+        place, _, options = self.tmpfs.partition(":")
+        tmpfs = [place, options or "mode=755"]  # root's alone, as podman makes it
+        enter = ["unshare", "--mount", "sh", "-euc", ENTER, "-", self.root, *tmpfs, *mounts, "--"]
         return [*enter, *self._confined(*self.config["Entrypoint"])]
 
     def _confined(self, *words: str) -> list[str | Path]:

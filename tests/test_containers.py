@@ -102,7 +102,10 @@ def points(gateway: Container) -> set[str]:
 def test_gateway_without_root_says_what_is_lost(tmp_path: Path) -> None:
     config = tmp_path / "gateway.json"
     config.write_text(json.dumps({"iec104": {"address": "127.0.0.1"}, "port": []}))
-    mounts = {config: "/etc/openrtu/gateway.json"}
+    own = tmp_path / "map"
+    own.mkdir()
+    os.chown(own, 65534, 65534)
+    mounts = {config: "/etc/openrtu/gateway.json", own: "/run/openrtu"}
     gateway = Container(containers.image("gateway"), tmp_path / "root", mounts=mounts, user="65534")
     with containers.network("127.0.0.2") as net, gateway.running(net):
         gateway.until(lambda: gateway.execute("gateway-health").returncode == 0, "it is well")

@@ -39,7 +39,9 @@ def container(service: str, folder: Path) -> Container:
     name = described["image"].removeprefix("localhost/openrtu-").partition(":")[0]
     files = [mount.split(":") for mount in described["volumes"]]
     mounts = {(MADE / source).resolve(): inside for source, inside, *_ in files}
-    return Container(containers.image(name), folder / service, described.get("cap_add", ()), mounts)
+    (tmpfs,) = described["tmpfs"]
+    rights = described.get("cap_add", ())
+    return Container(containers.image(name), folder / service, rights, mounts, tmpfs=tmpfs)
 
 
 class Database(postgres.Server):
