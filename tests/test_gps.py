@@ -312,10 +312,9 @@ def test_gpsd_that_hangs_up_is_no_flood_in_the_log(programs: Path, directory: Pa
             gateway.wait_for(lambda: gpsd.connections >= 5, 60.0, "it was tried five times")
             lines = [line for line in gateway.log(1000).splitlines() if f"port {gpsd.port}" in line]
             assert len(lines) < gpsd.connections, lines
-            assert [line.split(f"port {gpsd.port} ")[1] for line in lines[:2]] == [
-                "is open",
-                "hung up; trying again in 1 s",
-            ]
+            assert sum("is open" in line for line in lines) <= 1  # a first connection, before it is lost
+            # Hung up, or reset: what it was told, it had not read.
+            assert next(line for line in lines if "is open" not in line).endswith("; trying again in 1 s")
             assert gateway.query("gps")[0]["failures"] >= 4
 
 
