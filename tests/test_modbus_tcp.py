@@ -341,6 +341,31 @@ def test_device_that_never_answered_is_said_once(programs: Path) -> None:
 
 
 @pytest.mark.slow
+def test_device_that_comes_and_goes_is_no_flood_in_the_log(programs: Path) -> None:
+    """It answers what comes a second after its last answer, and nothing sooner."""
+    answered: list[float] = []
+
+    def respond(request: Request) -> bytes:
+        if answered and time.monotonic() - answered[-1] < 1.0:
+            return b""
+        answered.append(time.monotonic())
+        return request.answer()
+
+    with Server() as server:
+        server.respond = respond
+        device_ = slave(1, 0, timeout_ms=100) | {"retries": 0, "probe_max_s": 1}
+        with gateway_of(programs, tcp_port(7, server, [device_])) as gateway:
+            gateway.wait_for(lambda: len(answered) >= 10, 120.0, "it came and went ten times")
+            log = gateway.log(1000)
+            lines = re.findall(r"p7\.1: unit 1 on port 7 (?:answers|is dead).*", log)
+            assert lines[:2] == [
+                "p7.1: unit 1 on port 7 answers",
+                "p7.1: unit 1 on port 7 is dead",
+            ]
+            assert len(lines) < len(answered), lines
+
+
+@pytest.mark.slow
 def test_late_answer_is_never_another_registers_value(programs: Path) -> None:
     """Each third request is answered behind the next one's time-out; all these answers look alike."""
     held: list[bytes] = []

@@ -35,10 +35,10 @@ static struct course begin(void)
 static void use(struct course *course)
 {
 	retry_was_useful(&course->attempts.retry);
-	if (!attempts_useful(&course->attempts, course->now_ns))
+	if (!map_trouble_well(&course->attempts.trouble, course->now_ns))
 		return;
 	course->successes++;
-	attempts_success(&course->attempts, course->now_ns, course->line);
+	map_trouble_ended(&course->attempts.trouble, course->now_ns, course->line);
 }
 
 static void live(struct course *course, const struct peer *peer, int64_t until_ns)
@@ -99,7 +99,7 @@ static void test_what_became_of_it_is_said_with_the_count(void **state)
 	run(&course, &refuses, S);
 	assert_string_equal(course.line, "; trying again in 1 s");
 	run(&course, &refuses, 20 * S);
-	assert_string_equal(course.line, "; 5 times in 15 s, trying again in 10 s");
+	assert_string_equal(course.line, "; 5 times in 15 s; trying again in 10 s");
 	run(&course, &good, S);
 	assert_string_equal(course.line, ", again after 5 failures in 25 s");
 	assert_int_equal(course.successes, 1);
@@ -119,10 +119,10 @@ static void test_a_peer_that_comes_and_goes_is_no_flood(void **state)
 	assert_true(course.connections > 3000);
 	assert_in_range(course.failures, 8, 10);
 	assert_int_equal(course.successes, 1);
-	assert_true(course.attempts.said); /* the last line says so */
+	assert_true(course.attempts.trouble.said); /* the last line says so */
 	run(&course, &good, 2 * HOUR);
 	assert_int_equal(course.successes, 2);
-	assert_false(course.attempts.said);
+	assert_false(course.attempts.trouble.said);
 }
 
 /* Lost now and then: each is said, since the one before is long ago. */
@@ -149,9 +149,9 @@ static void test_the_last_line_is_true_soon(void **state)
 	(void)state;
 	run(&course, &refuses, S);
 	run(&course, &good, S);
-	assert_false(course.attempts.said);
+	assert_false(course.attempts.trouble.said);
 	run(&course, &refuses, 16 * S);
-	assert_true(course.attempts.said);
+	assert_true(course.attempts.trouble.said);
 	assert_int_equal(course.failures, 2);
 }
 

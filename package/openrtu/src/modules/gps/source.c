@@ -68,7 +68,7 @@ static void lose_with_hint(struct source *source, const char *error, const char 
 		return;
 	map_log(source->map, MAP_LOG_ERROR, "%s: %s %s%s", source->settings->name, source->path, error,
 		attempts_failure(&source->attempts, now_ns, text));
-	if (source->attempts.failures == 1 && hint[0] != '\0')
+	if (source->attempts.trouble.failures == 1 && hint[0] != '\0')
 		map_log(source->map, MAP_LOG_ERROR, "%s: %s", source->settings->name, hint);
 }
 
@@ -88,21 +88,21 @@ static void note_open(struct source *source, int64_t now_ns)
 	source->told = false;
 	retry_opened(&source->attempts.retry, now_ns);
 	atomic_store(&source->stats->open, 1);
-	if (!source->attempts.failing)
+	if (!source->attempts.trouble.is)
 		say_open(source, "");
 }
 
 /* It told a position, or has lasted. */
 static void note_use(struct source *source, int64_t now_ns)
 {
-	char text[ATTEMPTS_TEXT_SIZE];
+	char text[MAP_TROUBLE_SIZE];
 
 	if (source->fd < 0 || source->connecting ||
 	    (!source->told && !retry_has_lasted(&source->attempts.retry, now_ns)))
 		return;
 	retry_was_useful(&source->attempts.retry);
-	if (attempts_useful(&source->attempts, now_ns))
-		say_open(source, attempts_success(&source->attempts, now_ns, text));
+	if (map_trouble_well(&source->attempts.trouble, now_ns))
+		say_open(source, map_trouble_ended(&source->attempts.trouble, now_ns, text));
 }
 
 /* ---- opening ----------------------------------------------------------------------------- */

@@ -214,20 +214,20 @@ static void say_use(const struct outstation *outstation, const struct link *link
 static void note_use(const struct outstation *outstation, struct link *link)
 {
 	const int64_t now_ns = outstation->now.monotonic_ns;
-	char text[ATTEMPTS_TEXT_SIZE];
+	char text[MAP_TROUBLE_SIZE];
 
 	if (link->state != LINK_STARTED &&
 	    !(link->state == LINK_OPEN && retry_has_lasted(&link->attempts.retry, now_ns)))
 		return;
-	if (attempts_useful(&link->attempts, now_ns))
-		say_use(outstation, link, attempts_success(&link->attempts, now_ns, text));
+	if (map_trouble_well(&link->attempts.trouble, now_ns))
+		say_use(outstation, link, map_trouble_ended(&link->attempts.trouble, now_ns, text));
 }
 
 static void note_start(struct outstation *outstation)
 {
 	const struct link *link = outstation->active;
 
-	if (!link->attempts.failing)
+	if (!link->attempts.trouble.is)
 		say_use(outstation, link, "");
 	outstation->valid = true;
 	outstation->taken_over = false;

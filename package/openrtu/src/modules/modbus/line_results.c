@@ -1,12 +1,25 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "modules/modbus/line_results.h"
 
+#include <inttypes.h>
+#include <stdio.h>
+
 #include "map/time_ns.h"
 #include "modules/modbus/convert.h"
+
+#define REFUSALS_AT_ONCE   40 /* what a device with a wrong template lacks */
+#define REFUSALS_PERIOD_NS (60 * NS_PER_S)
+#define MORE_SIZE          40
+#define WHAT_SIZE          16
 
 static const struct map_set *device_config(const struct line_results *results, uint32_t device)
 {
 	return &map_config(results->map)->sets[results->config->first_device + device];
+}
+
+static const struct modbus_slave *slave_config(const struct line_results *results, uint32_t device)
+{
+	return &modbus_slaves(map_config(results->map))[results->config->first_device + device];
 }
 
 /* results->updates, so many of them */
@@ -49,14 +62,32 @@ static void forget_exponent(struct line_results *results, uint32_t number)
 	results->exponents[number] = convert_first_exponent(&results->points[number]);
 }
 
+static void say_well(struct line_results *results, uint32_t device, const char *again)
+{
+	map_log(results->map, MAP_LOG_INFO, "%s: unit %u on port %u answers%s",
+		device_config(results, device)->name, slave_config(results, device)->unit,
+		results->config->port, again);
+}
+
+/* It answers what it is asked, and in time. */
+static void note_answer(struct line_results *results, uint32_t device, int64_t now_ns)
+{
+	struct line_news *news = &results->news[device];
+	char text[MAP_TROUBLE_SIZE];
+
+	news->is_late = false;
+	news->stranger = LINE_NEWS_NOBODY;
+	if (map_trouble_well(&news->death, now_ns))
+		say_well(results, device, map_trouble_ended(&news->death, now_ns, text));
+}
+
 static void publish_read(void *context, uint32_t device, const struct modbus_read *read, const uint8_t *data,
 			 int64_t now_ns)
 {
 	struct line_results *results = context;
 	const struct modbus_knot *knots = modbus_knots(map_config(results->map));
 
-	results->news[device].is_late = false;
-	results->news[device].stranger = LINE_NEWS_NOBODY;
+	note_answer(results, device, now_ns);
 	for (uint32_t i = 0; i < read->objects; i++) {
 		uint32_t point = results->line->devices[device].objects[read->first + i].tag;
 		const struct modbus_point *config = &results->points[point];
@@ -76,6 +107,25 @@ static void publish_read(void *context, uint32_t device, const struct modbus_rea
 		commands_published(results->commands, results->updates[i].point);
 }
 
+/* A device that gives things and refuses them in turn says so without end. */
+static void say_refused(struct line_results *results, uint32_t device, const struct modbus_read *read,
+			uint8_t exception, int64_t now_ns)
+{
+	static const struct map_pace pace = {REFUSALS_PERIOD_NS, REFUSALS_AT_ONCE};
+	struct map_lines *lines = &results->news[device].refusals;
+	char more[MORE_SIZE] = "", what[WHAT_SIZE] = "no answer";
+
+	if (!map_lines_take(lines, pace, now_ns))
+		return;
+	if (lines->withheld > 0)
+		snprintf(more, sizeof(more), "; %" PRIu32 " more since the last line", lines->withheld);
+	lines->withheld = 0;
+	if (exception != 0)
+		snprintf(what, sizeof(what), "exception %u", exception);
+	map_log(results->map, MAP_LOG_WARNING, "%s: %s to function %u, address %u%s",
+		device_config(results, device)->name, what, read->function, read->address, more);
+}
+
 static void lose_read(void *context, uint32_t device, const struct modbus_read *read, uint8_t exception,
 		      int64_t now_ns)
 {
@@ -88,12 +138,7 @@ static void lose_read(void *context, uint32_t device, const struct modbus_read *
 		    results->quality, results->line->devices[device].objects[read->first + i].tag, quality,
 		    now_ns);
 	publish(results, device_config(results, device), read->objects, now_ns);
-	if (exception == 0)
-		map_log(results->map, MAP_LOG_WARNING, "%s: no answer to function %u, address %u",
-			device_config(results, device)->name, read->function, read->address);
-	else
-		map_log(results->map, MAP_LOG_WARNING, "%s: exception %u to function %u, address %u",
-			device_config(results, device)->name, exception, read->function, read->address);
+	say_refused(results, device, read, exception, now_ns);
 }
 
 static void invalidate_device(struct line_results *results, const struct map_set *device, int64_t now_ns)
@@ -110,19 +155,18 @@ static void device_changed(void *context, uint32_t device, bool alive, int64_t n
 {
 	struct line_results *results = context;
 	const struct map_set *config = device_config(results, device);
+	struct line_news *news = &results->news[device];
+	char text[MAP_TROUBLE_SIZE];
 
 	if (!alive)
 		invalidate_device(results, config, now_ns);
 	commands_device_changed(results->commands, results->config->first_device + device, alive, now_ns);
-	map_log(results->map, alive ? MAP_LOG_INFO : MAP_LOG_WARNING, "%s: unit %u on port %u %s",
-		config->name,
-		modbus_slaves(map_config(results->map))[results->config->first_device + device].unit,
-		results->config->port, alive ? "answers" : "is dead");
-}
-
-static const struct modbus_slave *slave_config(const struct line_results *results, uint32_t device)
-{
-	return &modbus_slaves(map_config(results->map))[results->config->first_device + device];
+	if (!alive && map_trouble_failed(&news->death, "", now_ns))
+		map_log(results->map, MAP_LOG_WARNING, "%s: unit %u on port %u is dead%s", config->name,
+			slave_config(results, device)->unit, results->config->port,
+			map_trouble_times(&news->death, now_ns, text));
+	if (alive && !news->death.is)
+		say_well(results, device, "");
 }
 
 /* What an engineer asks who has just connected it. */

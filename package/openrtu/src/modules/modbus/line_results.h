@@ -3,8 +3,9 @@
 #ifndef OPENRTU_MODULES_MODBUS_LINE_RESULTS_H
 #define OPENRTU_MODULES_MODBUS_LINE_RESULTS_H
 
+#include "map/lines.h"
 #include "map/map.h"
-#include "map/repeats.h"
+#include "map/trouble.h"
 #include "modbus/config.h"
 #include "modbus/line.h"
 #include "modules/modbus/commands.h"
@@ -17,6 +18,8 @@ struct line_news {
 	bool is_late;     /* its last answer came too late, and that has been said */
 	int16_t stranger; /* who answered for it, which has been said; LINE_NEWS_NOBODY: nobody */
 	struct map_repeats late, strangers;
+	struct map_trouble death;
+	struct map_lines refusals; /* lines about them */
 };
 
 /* Of one line. Filled in by the caller, who owns the memory. */

@@ -57,7 +57,7 @@ static void retry_port(struct port *port, const char *error, const char *hint, i
 		return;
 	map_log(port->map, MAP_LOG_ERROR, "port %u: %s %s%s", port->config->port, port->path, error,
 		attempts_failure(&port->attempts, now_ns, text));
-	if (port->attempts.failures == 1 && hint[0] != '\0')
+	if (port->attempts.trouble.failures == 1 && hint[0] != '\0')
 		map_log(port->map, MAP_LOG_ERROR, "port %u: %s", port->config->port, hint);
 }
 
@@ -79,7 +79,7 @@ static void begin_line(struct port *port, int64_t now_ns)
 	port->answers = port->line.counters.answers;
 	port->listening = true;
 	retry_opened(&port->attempts.retry, now_ns);
-	if (!port->attempts.failing)
+	if (!port->attempts.trouble.is)
 		port->backend->say_open(port, "");
 	modbus_line_open(&port->line, now_ns);
 }
@@ -87,13 +87,13 @@ static void begin_line(struct port *port, int64_t now_ns)
 /* A device answered, or the port has lasted. */
 static void note_use(struct port *port, int64_t now_ns)
 {
-	char text[ATTEMPTS_TEXT_SIZE];
+	char text[MAP_TROUBLE_SIZE];
 
 	if (port->line.counters.answers == port->answers && !retry_has_lasted(&port->attempts.retry, now_ns))
 		return;
 	retry_was_useful(&port->attempts.retry);
-	if (attempts_useful(&port->attempts, now_ns))
-		port->backend->say_open(port, attempts_success(&port->attempts, now_ns, text));
+	if (map_trouble_well(&port->attempts.trouble, now_ns))
+		port->backend->say_open(port, map_trouble_ended(&port->attempts.trouble, now_ns, text));
 }
 
 /* ---- serial ports ------------------------------------------------------------------------ */
