@@ -573,8 +573,12 @@ struct map_log_line {
 	char text[MAP_LOG_TEXT_SIZE];
 };
 
-/* Of a module's lines: more at once are left out, and counted in a line. Less than a log keeps. */
+/*
+ * Of a module's lines: more at once are left out, and counted in a line. Less than a log keeps. The last of them are for warnings
+ * and errors: what is said without end hides no fault.
+ */
 #define MAP_LOG_AT_ONCE   120
+#define MAP_LOG_RESERVED  20
 #define MAP_LOG_PERIOD_NS (200 * NS_PER_MS)
 
 /* Writes a line to the own log ring; rtud prints it. Longer text is cut. */

@@ -196,7 +196,12 @@ void map_clock_write(struct map *map, struct map_clock clock)
 
 /* ---- log --------------------------------------------------------------------------------- */
 
-static const struct map_pace log_pace = {MAP_LOG_PERIOD_NS, MAP_LOG_AT_ONCE};
+static struct map_pace log_pace(enum map_log_level level)
+{
+	return (struct map_pace){.period_ns = MAP_LOG_PERIOD_NS,
+				 .at_once =
+				     MAP_LOG_AT_ONCE - (level <= MAP_LOG_WARNING ? 0 : MAP_LOG_RESERVED)};
+}
 
 static void put_line(struct map *map, enum map_log_level level, int64_t now_ns, const char *format,
 		     va_list arguments)
@@ -222,7 +227,7 @@ void log_say_withheld(struct map *map, int64_t now_ns)
 {
 	uint32_t times;
 
-	if (!map_lines_room(&map->lines, log_pace, now_ns))
+	if (!map_lines_room(&map->lines, log_pace(MAP_LOG_WARNING), now_ns))
 		return;
 	if (map->lines.withheld > 0)
 		times = map_repeats_happened(&map->withheld, map->lines.withheld, now_ns);
@@ -240,7 +245,7 @@ void map_log(struct map *map, enum map_log_level level, const char *format, ...)
 	va_list arguments;
 
 	log_say_withheld(map, now_ns);
-	if (!map_lines_take(&map->lines, log_pace, now_ns))
+	if (!map_lines_take(&map->lines, log_pace(level), now_ns))
 		return;
 	va_start(arguments, format);
 	put_line(map, level, now_ns, format, arguments);
