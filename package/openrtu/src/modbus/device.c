@@ -6,6 +6,11 @@
 
 #define PROBE_LENGTH 8 /* characters of a read's request */
 
+/* Characters of answers. */
+#define EXCEPTION_LENGTH    5
+#define WRITE_ANSWER_LENGTH 8
+#define READ_ANSWER_LEAST   5 /* without its data */
+
 int64_t modbus_next_backoff(int64_t backoff_ns)
 {
 	return earlier(later(2 * backoff_ns, MODBUS_FIRST_PROBE_NS), MODBUS_RAREST_PROBE_NS);
@@ -89,6 +94,27 @@ int64_t modbus_sent_ns(struct modbus_device *device, const uint8_t *frame)
 		if (unanswered->sent_ns != 0 && unanswered->function == function &&
 		    (is_exception || unanswered->bytes == 0 || unanswered->bytes == frame[2]))
 			return take_unanswered(device, i + 1);
+	}
+	return 0;
+}
+
+size_t modbus_owed_length(const struct modbus_device *device, const uint8_t *bytes, size_t count)
+{
+	const uint8_t function = count < EXCEPTION_LENGTH ? 0 : bytes[1] & (uint8_t)~MODBUS_EXCEPTION_BIT;
+
+	if (function == 0 || bytes[0] != device->unit || device->unanswered_count == MODBUS_UNANSWERED_MAX)
+		return 0;
+	for (uint8_t i = 0; i < device->unanswered_count; i++) {
+		const struct modbus_unanswered *unanswered = &device->unanswered[i];
+		size_t length =
+		    unanswered->bytes == 0 ? WRITE_ANSWER_LENGTH : READ_ANSWER_LEAST + unanswered->bytes;
+
+		if (unanswered->function != function)
+			continue;
+		if (bytes[1] != function)
+			return EXCEPTION_LENGTH;
+		if ((unanswered->bytes == 0 || unanswered->bytes == bytes[2]) && length <= count)
+			return length;
 	}
 	return 0;
 }

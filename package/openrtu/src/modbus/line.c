@@ -40,11 +40,34 @@ static bool is_echo_of_broadcast(const struct modbus_line *line)
 	       memcmp(line->received, line->frame, line->frame_length) == 0;
 }
 
+static void forget_strays(struct modbus_line *line, size_t count)
+{
+	line->received_count -= count;
+	line->strays -= count;
+	memmove(line->received, line->received + count, line->received_count);
+}
+
+/* Of several late answers at once, all but the last. */
+static void take_late_answers(struct modbus_line *line, int64_t now_ns)
+{
+	for (uint32_t i = 0; i < line->device_count; i++) {
+		struct modbus_device *device = &line->devices[i];
+		size_t length = modbus_owed_length(device, line->received, line->strays);
+
+		if (length == 0 || length == line->strays || !modbus_crc_valid(line->received, length))
+			continue;
+		take_late_answer(line, device, now_ns);
+		forget_strays(line, length);
+		i = UINT32_MAX; /* the next one may be of any device */
+	}
+}
+
 /* Counts the strays, which are one burst, and removes them. */
 static void remove_strays(struct modbus_line *line, int64_t now_ns)
 {
 	struct modbus_device *debtor;
 
+	take_late_answers(line, now_ns);
 	if (!modbus_crc_valid(line->received, line->strays))
 		line->counters.noise_bytes += (uint32_t)line->strays;
 	else if (is_echo_of_broadcast(line))
@@ -55,9 +78,7 @@ static void remove_strays(struct modbus_line *line, int64_t now_ns)
 		modbus_count_wrong_answer(line, line->received, line->strays - MODBUS_CRC_LENGTH, now_ns);
 	else
 		line->counters.unasked_frames++;
-	line->received_count -= line->strays;
-	memmove(line->received, line->received + line->strays, line->received_count);
-	line->strays = 0;
+	forget_strays(line, line->strays);
 }
 
 /* ---- echoes and answers ------------------------------------------------------------------------------ */

@@ -35,6 +35,8 @@ void modbus_add_unanswered(struct modbus_device *device, const struct modbus_req
 void modbus_forget_unanswered(struct modbus_device *device, int64_t now_ns);
 /* Such an answer would look like that to a request with this function. */
 bool modbus_owes(const struct modbus_device *device, uint8_t function);
+/* How long the late answer is that these bytes begin like; 0: like none. */
+size_t modbus_owed_length(const struct modbus_device *device, const uint8_t *bytes, size_t count);
 /* When that was sent to which this sound frame is the late answer; 0: nobody knows. Each is found once. */
 int64_t modbus_sent_ns(struct modbus_device *device, const uint8_t *frame);
 /* It lives, and may still be at work on what it did not answer: the response time of that has not passed. */

@@ -78,6 +78,22 @@ static void test_an_answer_behind_a_learned_time_out_is_told_as_it_is(void **sta
 	assert_in_range(bus.late_ns[0], 150 * MS, 170 * MS);
 }
 
+/* A device that was busy answers all that it was asked meanwhile at once: each of these answers is one. */
+static void test_late_answers_that_come_at_once_are_told_apart(void **state)
+{
+	(void)state;
+	start_simple(2);
+	bus.slaves[0].late = 1;
+	bus.slaves[0].late_ns = 300 * MS;
+	run_for(2 * SECOND);
+	assert_int_equal(bus.line.counters.late_answers, 2);
+	assert_int_equal(bus.lates[0], 1); /* how long it took for the second nobody knows */
+	assert_in_range(bus.late_ns[0], 300 * MS, 325 * MS);
+	assert_int_equal(bus.line.counters.noise_bytes, 0);
+	assert_int_equal(bus.line.counters.timeouts, 2);
+	assert_true(bus.reads_done[0] > 20);
+}
+
 /* The process was killed with a request under way; the next one has the port before the answer comes. */
 static void test_a_killed_processs_answer_is_nobodys(void **state)
 {
@@ -255,6 +271,7 @@ int main(void)
 	    cmocka_unit_test(test_a_late_answer_is_never_anothers),
 	    cmocka_unit_test(test_a_late_answer_is_counted),
 	    cmocka_unit_test(test_a_late_answer_tells_how_late_it_is),
+	    cmocka_unit_test(test_late_answers_that_come_at_once_are_told_apart),
 	    cmocka_unit_test(test_an_answer_behind_a_learned_time_out_is_told_as_it_is),
 	    cmocka_unit_test(test_a_killed_processs_answer_is_nobodys),
 	    cmocka_unit_test(test_a_killed_processs_confirmation_is_nobodys),
