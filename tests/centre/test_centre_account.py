@@ -147,6 +147,25 @@ def test_a_second_factor_is_set_up_asked_for_and_ended(page: Page, site: Site) -
     site.client("olga")
 
 
+def test_an_engineer_ends_a_second_factor_that_is_lost(browser: Browser, site: Site) -> None:
+    client = Client(site.port, source="127.0.5.3").login("omar", PASSWORD)
+    secret = client.post("/api/second_factor/offer", {"own_password": PASSWORD})["secret"]
+    client.post("/api/second_factor/begin", {"code": pyotp.TOTP(secret).now()})
+    page = browser.new_page()
+    log_in(page, site.port, "emil", PASSWORD, "users")
+    for name, buttons in (("vera", 0), ("omar", 1)):
+        page.locator("tr", has_text=name).get_by_role("button", name="Change").press("Enter")
+        lost = page.get_by_role("button", name="Second factor is lost")
+        expect(lost).to_have_count(buttons)
+        if not buttons:
+            page.keyboard.press("Escape")
+    page.get_by_label("Your own password").fill(PASSWORD)
+    lost.press("Enter")
+    expect(page.locator("dialog")).to_have_count(0)
+    assert client.get("/api/second_factor")["on"] is False
+    page.close()
+
+
 def test_who_is_to_wait_is_told_how_long(browser: Browser, site: Site) -> None:
     page = browser.new_page()
     page.set_default_timeout(LIMIT_MS)

@@ -50,10 +50,11 @@ function userDialogue(user, known, done) {
   const failure = h("p", { class: "error", role: "alert" });
   const dialog = h("dialog", { "aria-label": t(user ? "user_change" : "user_add") });
   const remove = h("button", { type: "button", hidden: !user || myself, onclick: () => send(`users/${encodeURIComponent(user.name)}/remove`, {}) }, t("remove"));
+  const lost = h("button", { type: "button", hidden: !user?.second_factor || myself, onclick: () => send(`users/${encodeURIComponent(user.name)}/second_factor/end`, {}) }, t("second_lost"));
   const form = h("form", { method: "dialog" },
     h("div", { class: "body" }, h("h2", {}, t(user ? "user_change" : "user_add")), labelled("name", name), labelled("role_name", role), scope,
       labelled(user ? "password_new" : "password", fresh), off.element, labelled("password_own", own), failure),
-    h("div", { class: "end" }, remove, h("span", { class: "grow" }),
+    h("div", { class: "end" }, remove, lost, h("span", { class: "grow" }),
       h("button", { type: "button", onclick: () => dialog.close() }, t("cancel")), h("button", { class: "main" }, t("save"))));
 
   async function send(path, body) {
