@@ -740,8 +740,10 @@ static uint8_t try_order(struct centre_station *station, const struct centre_req
 		return CENTRE_NOT_UP;
 	if (!centre_has_room(station->centre))
 		return CENTRE_BUSY; /* nor would the answer be read now */
+	if (goes_on && !go_on(station, request))
+		return CENTRE_NOT_KNOWN;
 	if (goes_on)
-		return go_on(station, request) ? MAP_RESULT_NONE : CENTRE_NOT_KNOWN;
+		return MAP_RESULT_NONE;
 	if (order_of_id(station, request->id) != NULL)
 		return MAP_RESULT_INTERLOCK;
 	if (request->kind == CENTRE_COMMAND && !centre_request_command(request, &command))
@@ -750,7 +752,9 @@ static uint8_t try_order(struct centre_station *station, const struct centre_req
 		return CENTRE_BUSY;
 	order->request = post_order(station, request, &command);
 	order->id = request->id;
-	return order->request != 0 ? MAP_RESULT_NONE : CENTRE_BUSY;
+	if (order->request == 0)
+		return CENTRE_BUSY;
+	return MAP_RESULT_NONE;
 }
 
 void centre_station_order(struct centre *centre, const struct centre_request *request)

@@ -49,12 +49,13 @@ void iec104_show_connection(const struct iec104_station *station, const struct i
 
 void iec104_show_closed(const struct iec104_station *station, const struct iec104_connection *connection)
 {
+	_Atomic uint32_t *counters = station->stats->counters;
+	const unsigned int reason = connection->session.closing - IEC104_BAD_APDU;
+
 	_Static_assert(IEC104_COUNT_CLOSED_BY_STATION - IEC104_COUNT_BAD_APDU ==
 			   IEC104_CLOSED_BY_STATION - IEC104_BAD_APDU,
 		       "each reason has its counter");
 
-	map_count(
-	    &station->stats->counters[IEC104_COUNT_BAD_APDU + connection->session.closing - IEC104_BAD_APDU],
-	    1);
+	map_count(&counters[IEC104_COUNT_BAD_APDU + reason], 1);
 	atomic_store_explicit(&stats_of(station, connection)->open, 0, memory_order_release);
 }
