@@ -63,7 +63,7 @@ packages_of() {
 	done
 }
 
-# What reaches the hooks by the environment needs no quotes.
+# What reaches the hooks by the environment needs no quotes. What an import of Python leaves behind has other bytes each time.
 make_root() {
 	local part=$1 root=$2
 	mapfile -t files < <(packages_of "$part")
@@ -78,7 +78,7 @@ make_root() {
 		--dpkgopt='path-exclude=/usr/share/man/*' --dpkgopt='path-exclude=/usr/share/locale/*' \
 		--dpkgopt='path-exclude=/usr/share/doc/*' --dpkgopt='path-include=/usr/share/doc/*/copyright' \
 		--customize-hook='mkdir "$1/debs" && cp "$ROOT_DEBS"/*.deb "$1/debs"' \
-		--customize-hook='chroot "$1" sh -c "apt-get install --yes --no-install-recommends /debs/*.deb"' \
+		--customize-hook='chroot "$1" env PYTHONDONTWRITEBYTECODE=1 sh -c "apt-get install --yes --no-install-recommends /debs/*.deb"' \
 		--customize-hook='rm -r "$1/debs"' \
 		--customize-hook='[ -z "$ROOT_OWNED" ] || chroot "$1" install --directory --owner $ROOT_OWNED' \
 		--customize-hook='install -m 755 "$ROOT_PROGRAMS"/* "$1/usr/local/bin"'
