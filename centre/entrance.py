@@ -17,6 +17,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from aiohttp import web
+from aiohttp.http_exceptions import HttpProcessingError
 
 from openrtu_tools.centre import peers
 
@@ -96,6 +97,11 @@ class Watched(web.RequestHandler):
     def connection_lost(self, error: BaseException | None) -> None:
         self.place.gone()
         super().connection_lost(error)
+
+    def log_exception(self, *said: Any, **more: Any) -> None:
+        """What is no HTTP has its answer; a stranger does not fill the log with it."""
+        if not isinstance(more.get("exc_info"), HttpProcessingError | web.RequestPayloadError):
+            super().log_exception(*said, **more)
 
 
 class Entrance(web.BaseSite):

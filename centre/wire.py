@@ -9,6 +9,7 @@ from typing import Any
 
 import jsonschema
 from aiohttp import web
+from aiohttp.http_exceptions import HttpProcessingError
 
 from openrtu_tools.centre.errors import RefusedError
 from openrtu_tools.centre.store import INTEGER_MOST
@@ -84,8 +85,9 @@ async def read_body(request: web.Request, schema: Json) -> Json:
             text = await request.text()
     except TimeoutError as error:
         raise RefusedError(408, "slow", f"the body was not there within {BODY_S:g} s") from error
-    except (ValueError, LookupError) as error:  # what it says of its own letters is wrong, or unknown
-        raise RefusedError(400, "form", f"the body is no text: {error}") from error
+    except (ValueError, LookupError, web.RequestPayloadError, HttpProcessingError) as error:
+        # What it says of its own letters, chunks or compression is wrong, or unknown.
+        raise RefusedError(400, "form", f"the body is no text: {str(error)[:200]}") from error
     body = read_json(text or "{}")
     check({**schema, "additionalProperties": False}, body)
     return body

@@ -246,6 +246,35 @@ def test_nonsense_is_refused(site: Site, engineer: Client) -> None:
     assert "Traceback" not in site.log()[len(before) :]
 
 
+LOGIN = b"POST /api/login HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\n"
+NO_HTTP = [
+    b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03\r\n\r\n",
+    b"GET / HTTP/1.1\r\nbroken\r\n\r\n",
+    b"GET /api/me?\xff\x00 HTTP/1.1\r\nHost: x\r\n\r\n",
+    b"GET / HTTP/1.1\r\nHost: x\r\nA: " + b"a" * 20_000 + b"\r\n\r\n",
+    b"GET / HTTP/1.1\r\nHost: x\r\nContent-Length: -1\r\n\r\n",
+    LOGIN + b"Transfer-Encoding: chunked\r\nContent-Length: 2\r\n\r\n2\r\n{}\r\n0\r\n\r\n",
+    LOGIN + b"Transfer-Encoding: chunked\r\n\r\nzz\r\n",
+    LOGIN + b"Transfer-Encoding: chunked\r\n\r\n2\r\n{}\r\nzz",
+    LOGIN + b"Content-Encoding: gzip\r\nContent-Length: 4\r\n\r\nabcd",
+    LOGIN + b"Content-Encoding: deflate\r\nContent-Length: 4\r\n\r\nabcd",
+    LOGIN + b"Content-Encoding: br\r\nContent-Length: 4\r\n\r\nabcd",
+]
+
+
+@pytest.mark.parametrize("octets", NO_HTTP)
+def test_what_is_no_http_is_refused_without_a_word(site: Site, octets: bytes) -> None:
+    """A stranger says as much of it as he likes: the log has other things to tell."""
+    before = site.log()
+    for _ in range(3):
+        with connect(site, "127.0.0.1") as stranger:
+            stranger.sendall(octets)
+            answer = stranger.recv(4096)
+        assert answer.split(b" ", 2)[1] in (b"400", b"415"), answer
+    assert is_served(site)
+    assert site.log() == before
+
+
 def test_every_route_that_takes_a_body_describes_it() -> None:
     """What the generator of nonsense reads."""
     for route in ROUTES:
