@@ -87,7 +87,7 @@ class Intake:
         self.areas = areas
         self.areas_of: dict[int, Areas] = {}  # by station
         self.clocks: defaultdict[int, defaultdict[int, Clock]] = defaultdict(lambda: defaultdict(Clock))
-        self.sessions: dict[int, int] = {}  # by station: when its connection began
+        self.sessions: dict[int, int] = {}  # by station: what came since is of one connection
         # By station and common address, then by point: the last old event; an interrogation is to judge it.
         self.doubted: defaultdict[tuple[int, int], dict[int, Point]] = defaultdict(dict)
         self.asked: dict[int, tuple[int, int]] = {}  # by the interrogation's id: of which address
@@ -263,6 +263,10 @@ class Intake:
     def _link(self, database: Database, record: Record) -> None:
         station = self._station(self.places[record.station])
         state, reason, error, _ = record.link
+        if state == Link.UP:
+            self.sessions.setdefault(station.id, record.received_ns)
+        else:  # the first events of a connection may come before it is said to be up
+            self.sessions[station.id] = record.received_ns
         if state == Link.CONNECTING and station.link == Link.DOWN:
             return  # another attempt: down is what an operator needs to know
         self.changes.stations[station.id] = replace(
@@ -278,8 +282,6 @@ class Intake:
             self._raise(database, key, LOST_PRIORITY, record.received_ns)
         elif state == Link.UP:
             self._clear(database, key, record.received_ns)
-            if station.link != Link.UP:
-                self.sessions[station.id] = record.received_ns
 
     # ---- points ------------------------------------------------------------------------------
 

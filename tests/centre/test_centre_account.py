@@ -155,10 +155,12 @@ def test_an_engineer_ends_a_second_factor_that_is_lost(browser: Browser, site: S
     log_in(page, site.port, "emil", PASSWORD, "users")
     for name, buttons in (("vera", 0), ("omar", 1)):
         page.locator("tr", has_text=name).get_by_role("button", name="Change").press("Enter")
+        expect(page.locator("dialog")).to_be_visible()
         lost = page.get_by_role("button", name="Second factor is lost")
         expect(lost).to_have_count(buttons)
         if not buttons:
             page.keyboard.press("Escape")
+            expect(page.locator("dialog")).to_have_count(0)
     page.get_by_label("Your own password").fill(PASSWORD)
     lost.press("Enter")
     expect(page.locator("dialog")).to_have_count(0)

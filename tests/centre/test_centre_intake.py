@@ -181,6 +181,17 @@ def test_event_of_before_an_interrogation_leaves_the_state(store: Store, intake:
     assert state(intake).value == 110 and not intake.changes.doubts
 
 
+def test_events_that_waited_may_come_before_the_connection_is_said_to_be_up(
+    store: Store, intake: Intake
+) -> None:
+    """As rtu-centre tells it, when a station's confirmation and its first events come together."""
+    take(store, intake, linked(True, 0), said(100, 1, 1))
+    take(store, intake, linked(False, 10))
+    take(store, intake, said(50, 20, -90 * S), linked(True, 21), said(60, 22, -80 * S))
+    assert (state(intake).value, clock_alarm(intake)) == (100, None)
+    assert [value for value, _, _ in history(store)] == [50, 60, 100]
+
+
 def test_event_of_before_that_ends_with_the_state_is_no_doubt(store: Store, intake: Intake) -> None:
     take(store, intake, linked(True, 0), answered(100, 1), said(50, 2, -60 * S), said(100, 3, -30 * S))
     assert intake.doubted[1, 1] == {}
