@@ -151,7 +151,7 @@ static void fuzz_changes(struct iec61850_server *server)
 	iec61850_report_begin(server, server->stats, &cursor, 1);
 	for (uint32_t i = 0; i < FUZZ_POINTS; i++)
 		iec61850_buffer_add(&server->model.buffer, i, IEC61850_DATA_CHANGE,
-				    &(struct map_sample){.value.i = -7, .time_ns = NS_PER_S});
+				    &(struct map_sample){.value.i = -7, .time_ns = NS_PER_S}, NS_PER_S);
 }
 
 static void fuzz_assign(struct iec61850_assignment *out, const char *class, const char *data)

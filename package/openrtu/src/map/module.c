@@ -203,8 +203,8 @@ static struct map_pace log_pace(enum map_log_level level)
 				     MAP_LOG_AT_ONCE - (level <= MAP_LOG_WARNING ? 0 : MAP_LOG_RESERVED)};
 }
 
-static void put_line(struct map *map, enum map_log_level level, int64_t now_ns, const char *format,
-		     va_list arguments)
+__attribute__((format(printf, 4, 0))) static void
+put_line(struct map *map, enum map_log_level level, int64_t now_ns, const char *format, va_list arguments)
 {
 	struct map_log_line line = {.time_ns = now_ns, .level = (uint8_t)level};
 
