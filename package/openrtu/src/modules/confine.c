@@ -26,7 +26,7 @@ static int limit(int resource, rlim_t most)
 {
 	const struct rlimit limits = {most, most};
 
-	return setrlimit((__rlimit_resource_t)resource, &limits);
+	return setrlimit(resource, &limits);
 }
 
 static int take_filter(int fd)

@@ -1,27 +1,29 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "modules/serial.h"
 
-/*
- * Not <termios.h>: any baud rate needs struct termios2, which it hides; and its tcsetattr fails on a
- * pseudo-terminal that does not take the parity.
- */
-#include <asm/termbits.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <linux/serial.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/file.h>
-#include <sys/ioctl.h>
 #include <sys/stat.h>
 #include <sys/sysmacros.h>
 #include <unistd.h>
+
+#include "modules/termios2.h"
 
 #define PTY_MAJOR_FIRST        136 /* Linux, Documentation/admin-guide/devices.txt: Unix98 PTY slaves */
 #define PTY_MAJOR_LAST         143
 #define BAUD_TOLERANCE_PERCENT 2
 #define RS485_FLAGS            (SER_RS485_ENABLED | SER_RS485_RTS_ON_SEND | SER_RS485_RTS_AFTER_SEND)
 #define CHECKED_FLAGS          (CSIZE | PARENB | PARODD | CSTOPB | CRTSCTS)
+
+/* A request is a number of 32 bits, whichever integer a C library takes for it. */
+static int ask(int fd, unsigned int request, struct termios2 *settings)
+{
+	return ioctl(fd, request, settings);
+}
 
 void serial_discard_output(int fd)
 {
@@ -126,7 +128,7 @@ static bool configure(int fd, const struct serial_settings *line, bool carries_p
 {
 	struct termios2 wanted = wanted_settings(line), settings;
 
-	if (ioctl(fd, TCSETS2, &wanted) < 0 || ioctl(fd, TCGETS2, &settings) < 0) {
+	if (ask(fd, TCSETS2, &wanted) < 0 || ask(fd, TCGETS2, &settings) < 0) {
 		snprintf(error, SERIAL_ERROR_SIZE, "is not a serial port: %s", strerror(errno));
 		return false;
 	}
@@ -180,7 +182,7 @@ static bool has_termios(int fd, const struct serial_settings *line)
 {
 	struct termios2 wanted = wanted_settings(line), settings;
 
-	if (ioctl(fd, TCGETS2, &settings) < 0)
+	if (ask(fd, TCGETS2, &settings) < 0)
 		return true;
 	return is_near(settings.c_ospeed, wanted.c_ospeed) &&
 	       ((settings.c_cflag ^ wanted.c_cflag) & CHECKED_FLAGS) == 0 &&

@@ -5,7 +5,6 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include <asm/termbits.h>
 #include <cmocka.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -13,10 +12,10 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include "modules/serial.h"
+#include "modules/termios2.h"
 
 static struct {
 	struct termios2 settings;

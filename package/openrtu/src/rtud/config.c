@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "rtud/config.h"
 
-#include <malloc.h>
 #include <stdlib.h>
 
 #include "journal/config.h"
 #include "journal/wear.h"
+#include "map/heap.h"
 #include "modbus/config.h"
 #include "modbus/limit.h"
 #include "rtud/config_parts.h"

@@ -12,6 +12,7 @@
 #include <string.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include "map/supervise.h"
@@ -74,6 +75,12 @@ static void reset_signals(void)
 	sigprocmask(SIG_SETMASK, &none, NULL);
 }
 
+/* The call itself: musl has no function of it. */
+static void close_all(unsigned first, unsigned last)
+{
+	syscall(SYS_close_range, first, last, 0);
+}
+
 /*
  * rtud may have inherited more than it opened. What it waits with came first: no descriptor here has the number of the
  * segment's or the filter's.
@@ -89,12 +96,12 @@ static void keep_only(int segment, int filter, int opened, int program)
 		dup2(opened, SOCKET_FD);
 	else
 		close(SOCKET_FD);
-	close_range(SOCKET_FD + 1, (unsigned)program - 1, 0);
-	close_range((unsigned)program + 1, UINT_MAX, 0);
+	close_all(SOCKET_FD + 1, (unsigned)program - 1);
+	close_all((unsigned)program + 1, UINT_MAX);
 }
 
 /* A limit that rtud itself has, and may not raise, stays. */
-static void limit(__rlimit_resource_t resource, rlim_t most)
+static void limit(int resource, rlim_t most)
 {
 	const struct rlimit limits = {most, most};
 

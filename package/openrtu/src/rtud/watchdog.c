@@ -10,12 +10,18 @@
 /* A close without it leaves the watchdog running: that of a killed rtud. */
 #define MAGIC_CLOSE "V"
 
+/* A request is a number of 32 bits, whichever integer a C library takes for it. */
+static int ask(int fd, unsigned int request, int *value)
+{
+	return ioctl(fd, request, value);
+}
+
 static int set_timeout(int fd, int *timeout_s)
 {
 	*timeout_s = WATCHDOG_ASKED_S;
-	if (ioctl(fd, WDIOC_SETTIMEOUT, timeout_s) == 0)
+	if (ask(fd, WDIOC_SETTIMEOUT, timeout_s) == 0)
 		return 0;
-	return ioctl(fd, WDIOC_GETTIMEOUT, timeout_s);
+	return ask(fd, WDIOC_GETTIMEOUT, timeout_s);
 }
 
 /* What has no time-out is no watchdog: nothing is written to it. */
@@ -34,7 +40,7 @@ int watchdog_open(const char *device, int *timeout_s)
 
 void watchdog_feed(int fd)
 {
-	ioctl(fd, WDIOC_KEEPALIVE, 0);
+	ask(fd, WDIOC_KEEPALIVE, NULL);
 }
 
 void watchdog_stop(int fd)

@@ -5,7 +5,6 @@
  */
 #include <errno.h>
 #include <inttypes.h>
-#include <malloc.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <poll.h>
@@ -21,6 +20,7 @@
 #include "iec61850/control.h"
 #include "iec61850/report.h"
 #include "map/address.h"
+#include "map/heap.h"
 #include "modules/iec61850/file.h"
 #include "modules/module.h"
 

@@ -4,11 +4,11 @@
  * allocates for a request and frees that with its answer; how many there are at a time is bounded.
  */
 #include <errno.h>
-#include <malloc.h>
 #include <poll.h>
 #include <signal.h>
 #include <string.h>
 
+#include "map/heap.h"
 #include "modules/module.h"
 #include "modules/web/commands.h"
 #include "modules/web/front.h"
