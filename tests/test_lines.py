@@ -33,7 +33,7 @@ READ_HOLDING_REGISTERS = 3
 REQUEST_LENGTH = 8
 NOTICE_S = 0.5  # a lost port is noticed within
 BABBLE_S = 3.0  # a line that is never silent is given up within
-REOPEN_S = 5.0  # a port is tried again each second
+REOPEN_S = 15.0  # a port is tried again after 10 s at most, and then has to answer
 FLOOD_S = 3.0
 FRESH_S = FLOOD_S / 2  # a neighbour that the flood holds up is older
 
