@@ -41,48 +41,30 @@ class Termination(lib.CommandTermHandler):  # type: ignore[misc]
         self.seen.append({"error": last.error, "cause": last.addCause})
 
 
-class Reported(lib.RCBHandler):  # type: ignore[misc]
-    """Takes reports, in a thread of libiec61850's: which members of the data set changed, by index."""
-
-    def __init__(self, members: int) -> None:
-        super().__init__()
-        self.members = members
-        self.seen: list[int] = []
-
-    def trigger(self) -> None:
-        reasons = [
-            lib.ClientReport_getReasonForInclusion(self._client_report, at) for at in range(self.members)
-        ]
-        changed = lib.IEC61850_REASON_DATA_CHANGE
-        self.seen += [at for at, reason in enumerate(reasons) if reason == changed]
-
-
 class Reports:
-    """Of a device: what changes under ST, from now on, through its block urcbStatus01."""
+    """What changes under ST of a device, by a process of its own.
 
-    def __init__(self, connection: Any, device: str) -> None:
-        listed, error = lib.IedConnection_getDataSetDirectory(connection, f"{device}/LLN0.status", None)
-        check(error, "data set")
-        self.members = texts_of(listed)
-        reference = f"{device}/LLN0.RP.urcbStatus01"
-        block = lib.ClientReportControlBlock_create(reference)
-        _, error = lib.IedConnection_getRCBValues(connection, reference, block)
-        check(error, reference)
-        self.handler, self.subscriber = Reported(len(self.members)), lib.RCBSubscriber()
-        self.subscriber.setIedConnection(connection)
-        self.subscriber.setRcbReference(reference)
-        self.subscriber.setRcbRptId(lib.ClientReportControlBlock_getRptId(block))
-        self.subscriber.setEventHandler(self.handler.__disown__())
-        self.subscriber.subscribe()
-        lib.ClientReportControlBlock_setTrgOps(block, lib.TRG_OPT_DATA_CHANGED)
-        lib.ClientReportControlBlock_setOptFlds(block, lib.RPT_OPT_REASON_FOR_INCLUSION)
-        lib.ClientReportControlBlock_setRptEna(block, True)
-        written = lib.RCB_ELEMENT_TRG_OPS | lib.RCB_ELEMENT_OPT_FLDS | lib.RCB_ELEMENT_RPT_ENA
-        _, error = lib.IedConnection_setRCBValues(connection, block, written, True)
-        check(error, reference)
+    A call of libiec61850 holds Python's lock until its answer is there: a report that comes before that waits
+    for the lock, and the answer waits behind the report.
+    """
+
+    def __init__(self, port: str, device: str) -> None:
+        command = [sys.executable, "-m", "lab.reports", port, device]
+        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        if self._line() != "ready":
+            sys.exit("no report is to be had")
+
+    def _line(self) -> str:
+        assert self.process.stdout
+        return self.process.stdout.readline().strip()
 
     def changed(self) -> list[str]:
-        return [self.members[at] for at in self.handler.seen]
+        """Members of the data set, once there is one."""
+        found: list[str] = json.loads(self._line() or "[]")
+        assert self.process.stdin
+        self.process.stdin.close()
+        self.process.wait()
+        return found
 
 
 def browsed(connection: Any) -> dict[str, int]:
@@ -159,14 +141,13 @@ def main() -> None:
         if action == "browse":
             outcomes[action] = browsed(connection)
         elif action == "report":
-            reports = Reports(connection, reference.partition("/")[0])
+            reports = Reports(port, reference.partition("/")[0])
         else:
             outcomes[action] = outcome(control, act(control, action, value))
     if outcomes.get("operate", {}).get("done"):
         if model in (lib.CONTROL_MODEL_DIRECT_ENHANCED, lib.CONTROL_MODEL_SBO_ENHANCED):
             wait(lambda: bool(handler.seen))
         if reports:
-            wait(lambda: bool(reports.changed()))
             outcomes["report"] = reports.changed()
     print(json.dumps(outcomes | {"terminations": handler.seen}), flush=True)
     lib.IedConnection_close(connection)
