@@ -79,9 +79,9 @@ def test_each_of_20_kills_is_a_boot(site: Site) -> None:
     gateway, manager, file = site.desk.gateway, site.manager(), site.folder / "state/boots"
     for _ in range(20):
         before = int(file.read_text())
-        assert manager.get("1.3.6.1.6.3.10.2.1.2.0") == [before]
         restarted(site)
         gateway.wait_for(lambda: gateway.modules()["rtu-snmp"]["alive"], 20.0, "it runs again")
+        assert manager.get("1.3.6.1.6.3.10.2.1.2.0") == [before + 1]
         assert int(file.read_text()) == before + 1
 
 

@@ -34,8 +34,8 @@ from lab.gateway import REPOSITORY, free_port
 
 sys.path.insert(0, str(REPOSITORY))
 from openrtu_tools.centre.database import open_store
-from openrtu_tools.centre.intake import SPONTANEOUS, Intake
-from openrtu_tools.centre.records import TAGGED, Content, Kind, Record
+from openrtu_tools.centre.intake import Intake
+from openrtu_tools.centre.records import SPONTANEOUS, TAGGED, Content, Kind, Record
 from openrtu_tools.centre.settings import StationSettings
 from openrtu_tools.centre.sqlite import SqliteStore
 from openrtu_tools.centre.store import Store
