@@ -303,7 +303,6 @@ def test_unknown_receiver_is_said(drive: Drive) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.slow
 def test_gpsd_that_hangs_up_is_no_flood_in_the_log(programs: Path, directory: Path) -> None:
     """It is tried less and less often; a line of the log counts several failures."""
     with hangs_up() as gpsd:
@@ -318,6 +317,7 @@ def test_gpsd_that_hangs_up_is_no_flood_in_the_log(programs: Path, directory: Pa
             assert gateway.query("gps")[0]["failures"] >= 4
 
 
+@pytest.mark.slow
 def test_receiver_behind_gpsd(programs: Path, directory: Path, gpsd: Path) -> None:
     """Debian's gpsd says what the receiver said; when it ends, the position is old."""
     with gpsd_daemon(gpsd) as daemon:
