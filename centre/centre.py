@@ -35,7 +35,8 @@ KEEP_EVERY_S, KEEP_REST_S = 3600.0, 0.02  # between rounds, and between steps th
 RELEASE_S = 60.0  # a command that nothing was sent of waits so long for the second person
 PACKETS_MOST = 4  # in one transaction: no more can be in flight
 REQUEST_IDS = 1 << 48  # of what is no command
-DOUBT_S, DOUBT_AGAIN_S, DOUBT_TRIES = 1.0, 10.0, 20  # until an interrogation, the next; for its end
+DOUBT_S, DOUBT_AGAIN_S = 1.0, 10.0  # until the first interrogation, and the next one
+DOUBT_TRIES = 90  # looks for its end: rtu-centre waits 10 s for its confirmation and 60 s for its end
 
 
 class Watcher(Protocol):
@@ -139,26 +140,27 @@ class Centre:
         First its queue shall be empty; and a clock that is behind shall not have it asked without a pause.
         """
         pause_s = DOUBT_S
-        while not self.ending and self.intake.doubted.get(address):
-            await asyncio.sleep(pause_s)
-            pause_s = DOUBT_AGAIN_S
-            station, id_ = self.model.stations[address[0]], next(self._ids)
-            self.intake.asked[id_] = address
-            with suppress(RefusedError):
-                await self._send(
-                    station, records.request(Ask.INTERROGATE, station.place, address[1], id_, 20)
-                )
-                await self._ended(id_)
-            if self.intake.asked.pop(id_, None):  # nobody says what became of it
-                await self._store(lambda database: self.intake.settle(database, address))
-        del self._doubts[address]
+        try:
+            while self.intake.doubted.get(address):
+                await asyncio.sleep(pause_s)
+                pause_s = DOUBT_AGAIN_S
+                with suppress(RefusedError):
+                    await self._ask_again(*address)
+        finally:
+            del self._doubts[address]
 
-    async def _ended(self, id_: int) -> None:
-        """An interrogation; or it takes too long."""
-        for _ in range(DOUBT_TRIES):
-            if id_ not in self.intake.asked:
-                return
-            await asyncio.sleep(DOUBT_S)
+    async def _ask_again(self, station_id: int, ca: int) -> None:
+        """Until rtu-centre has said how the interrogation ended, or is gone and says nothing."""
+        station, id_ = self.station(station_id), next(self._ids)
+        self.intake.asked[id_] = station_id, ca
+        try:
+            await self._send(station, records.request(Ask.INTERROGATE, station.place, ca, id_, 20))
+            for _ in range(DOUBT_TRIES):
+                if id_ not in self.intake.asked:
+                    break
+                await asyncio.sleep(DOUBT_S)
+        finally:
+            self.intake.asked.pop(id_, None)
 
     def _notify(self) -> None:
         """The state of the centre itself has changed."""

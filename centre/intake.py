@@ -32,6 +32,7 @@ from openrtu_tools.centre.records import (
 from openrtu_tools.centre.settings import Meaning, StationSettings
 from openrtu_tools.centre.store import Database, EventRow, inserted, put
 
+ANSWERED = (Result.DONE, Result.REFUSED, Result.TIMEOUT)  # of a station that is there
 LOST_PRIORITY, QUALITY_PRIORITY, POSITION_PRIORITY, CLOCK_PRIORITY = 1, 2, 3, 3
 POINT_COLUMNS = [
     *("content", "value", "quality", "cause", "at_ns", "received_ns", "tagged"),
@@ -198,7 +199,7 @@ class Intake:
     def take(self, database: Database, records: Iterable[Record]) -> None:
         """Stores records, and what follows from them."""
         information: list[Record] = []
-        ended: list[int] = []
+        ended: list[Record] = []
         for record in records:
             if record.kind == Kind.STATION:
                 self._station_named(database, record)
@@ -213,10 +214,10 @@ class Intake:
                     information.append(record)
             elif record.kind == Kind.PROGRESS:
                 self._progress(database, record)
-                ended += self._ended(record)
+                ended.append(record)
         self._information(database, information)
-        for id_ in ended:
-            self.settle(database, self.asked.pop(id_))
+        for record in ended:
+            self._ended(database, record)
         database.insert("track", TRACK_COLUMNS, self.places_of_tracks)
         self._clock_alarms(database)
         self._store_heard()
@@ -465,13 +466,18 @@ class Intake:
             clock.news = True
             clock.wrong |= event.at_ns < event.received_ns - LIMIT_NS
 
-    def _ended(self, record: Record) -> list[int]:
-        """The id of an interrogation of ours that has ended: its answers stand before this record."""
-        state, _, id_ = record.progress
-        return [id_] if id_ in self.asked and state in ENDED else []
+    def _ended(self, database: Database, record: Record) -> None:
+        """Of an interrogation of ours: its answers stand before this record. One that did not reach the
+        station, or was lost with its connection, says nothing.
+        """
+        state, result, id_ = record.progress
+        if id_ in self.asked and state in ENDED:
+            address = self.asked.pop(id_)
+            if result in ANSWERED:
+                self._settle(database, address)
 
-    def settle(self, database: Database, address: tuple[int, int]) -> None:
-        """The interrogation has ended. Of what it did not answer the order of arrival decides."""
+    def _settle(self, database: Database, address: tuple[int, int]) -> None:
+        """Of what the interrogation did not answer the order of arrival decides."""
         for event in self.doubted.pop(address, {}).values():
             point = replace(event, at_ns=event.received_ns, tagged=0)
             self.changes.points[point.id] = point

@@ -23,6 +23,7 @@ from openrtu_tools.centre.records import (
     Kind,
     Link,
     Record,
+    Result,
     State,
 )
 from openrtu_tools.centre.settings import Meaning, StationSettings
@@ -136,8 +137,10 @@ def linked(up: bool, at_ms: int) -> Record:
     return Record(Kind.LINK, 0, 0, 0, 1, 0, received_ns=NOW + at_ms * 1_000_000, rest=rest)
 
 
-def ended(id_: int, at_ms: int, state: State = State.EXECUTED_COMMAND) -> Record:
-    rest = struct.pack("<BB2xQ", state, 1, id_)
+def ended(
+    id_: int, at_ms: int, state: State = State.EXECUTED_COMMAND, result: Result = Result.DONE
+) -> Record:
+    rest = struct.pack("<BB2xQ", state, result, id_)
     return Record(Kind.PROGRESS, 0, 1, 0, 1, 0, received_ns=NOW + at_ms * 1_000_000, rest=rest)
 
 
@@ -220,6 +223,10 @@ def test_old_event_of_what_nobody_interrogates_counts_at_last(store: Store, inta
     take(store, intake, linked(True, 0), said(100, 1, 1), linked(False, 2), linked(True, 3))
     take(store, intake, said(50, 4, -10 * S))
     assert state(intake).value == 100
+    for lost in (Result.NOT_UP, Result.UNKNOWN_FATE):  # nobody was asked: the next interrogation judges
+        intake.asked[GI] = 1, 1
+        take(store, intake, ended(GI, 1 * S, State.REFUSED_COMMAND, lost))
+        assert (state(intake).value, intake.asked) == (100, {})
     intake.asked[GI] = 1, 1
     take(store, intake, ended(GI, 2 * S, State.REFUSED_COMMAND))
     assert state(intake).value == 50
