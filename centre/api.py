@@ -20,7 +20,7 @@ from openrtu_tools.centre.errors import RefusedError, StoreError
 from openrtu_tools.centre.exports import STRETCH_NS
 from openrtu_tools.centre.formats import Writer
 from openrtu_tools.centre.intake import COMMAND_COLUMNS
-from openrtu_tools.centre.model import NS_PER_MS, Alarm, Command, Json
+from openrtu_tools.centre.model import ALARM_KINDS, NS_PER_MS, Alarm, Command, Json
 from openrtu_tools.centre.store import INTEGER_MOST, Row, audit
 from openrtu_tools.centre.web import HEADERS, Asked, Route
 from openrtu_tools.centre.wire import described
@@ -31,7 +31,6 @@ COMMANDS = ", ".join(f'"{column}"' for column in COMMAND_COLUMNS)
 ROWS = 500  # of a page
 CHART_ROWS = 5000  # of a chart; ROWS_MOST of chart.js
 IDS_MOST = 5000  # of alarms
-ALARM_KINDS = ("lost", "quality", "clock", "high", "low", "state", "inside", "outside")
 MARKS_AT_ONCE = 200  # of a file
 DAY_S = 86400.0
 AUDIT_S = 30 * DAY_S
@@ -83,17 +82,14 @@ def _span(asked: Asked, seconds: float) -> tuple[int, int]:
     return begin * 1_000_000, end * 1_000_000
 
 
-def _headers(name: str) -> dict[str, str]:
-    return {
+async def _answered(asked: Asked, pieces: AsyncIterator[bytes], kind: str, name: str) -> web.StreamResponse:
+    """As it comes. What fails on the way ends the connection: half a file is no file."""
+    headers = {
         **HEADERS,
         "Cache-Control": "no-store",
         "Content-Disposition": f'attachment; filename="{name}"',
     }
-
-
-async def _answered(asked: Asked, pieces: AsyncIterator[bytes], kind: str, name: str) -> web.StreamResponse:
-    """As it comes. What fails on the way ends the connection: half a file is no file."""
-    response = web.StreamResponse(headers=_headers(name))
+    response = web.StreamResponse(headers=headers)
     response.content_type, response.charset = kind, "utf-8"
     await response.prepare(asked.request)
     try:

@@ -31,10 +31,8 @@ class Clock:
     """Of a station's common address: behind one station there may be many devices."""
 
     wrong: bool = False
-    session_ns: int = 0  # when the present connection began
-    news: bool = (
-        False  # in this session an interrogation has shown that what seemed old was none of the queue's
-    )
+    session_ns: int = 0  # what came since is of the present connection
+    news: bool = False  # on it an interrogation has shown that what seemed old had not waited
     ahead_ns: int = 0  # of the last tag
     _minute: int = -1
     _most_ns: int = 0

@@ -152,11 +152,12 @@ class Point:
         return {**self.news(), "received": milliseconds(self.received_ns)}
 
 
+# Of a station; of a common address: its points, its time tags; of a point; of a vehicle and an area.
+ALARM_KINDS = ("lost", "quality", "clock", "high", "low", "state", "inside", "outside")
+
+
 @dataclass(frozen=True, slots=True)
 class Alarm:
-    """Kinds: lost (a station), quality and clock (a common address: its points, its time tags), high, low,
-    state (a point), inside and outside (a vehicle and an area)."""
-
     id: int
     kind: str
     station: int

@@ -131,7 +131,6 @@ function alarmTable(place) {
         const [kind, word] = PRIORITIES[alarm.priority];
         fill(priority, kind, () => state(kind, t(word)));
         setText(since, time(alarm.since));
-        since.title = alarm.returns ? t("again", { n: alarm.returns, time: time(alarm.last) }) : "";
         setText(station, live.stations.get(alarm.station)?.name ?? "");
         setText(what, alarm.returns ? `${words(alarm)} (${t("again", { n: alarm.returns, time: time(alarm.last) })})` : words(alarm));
         const shelved = isShelved(alarm);
