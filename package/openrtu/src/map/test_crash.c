@@ -5,6 +5,7 @@
 #include <math.h>
 #include <sched.h>
 #include <signal.h>
+#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -118,14 +119,14 @@ static void become_real_time_on_core_of(pid_t writer)
 	CPU_SET(0, &one);
 	sched_setaffinity(writer, sizeof(one), &one);
 	sched_setaffinity(0, sizeof(one), &one);
-	sched_setscheduler(0, SCHED_FIFO, &priority);
+	syscall(SYS_sched_setscheduler, 0, SCHED_FIFO, &priority);
 }
 
 static void become_ordinary(const cpu_set_t *cpus)
 {
 	const struct sched_param priority = {0};
 
-	sched_setscheduler(0, SCHED_OTHER, &priority);
+	syscall(SYS_sched_setscheduler, 0, SCHED_OTHER, &priority);
 	sched_setaffinity(0, sizeof(*cpus), cpus);
 }
 

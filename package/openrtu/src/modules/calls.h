@@ -16,9 +16,10 @@ struct call_rule {
 	struct scmp_arg_cmp arguments[2];
 };
 
+/* Not SCMP_SYS(name): its argument would be expanded first, and musl has macros for names, as fstat for fstat64. */
 #define CALL(name)                                                                                           \
 	{                                                                                                    \
-		.call = SCMP_SYS(name)                                                                       \
+		.call = (int)__SNR_##name                                                                    \
 	}
 /* ... with an argument, counted from 0, of whose bits under the mask these alone are set. */
 #define MASKED(index, mask, bits)                                                                            \
@@ -31,13 +32,22 @@ struct call_rule {
 	}
 #define CALL_WITH(name, argument)                                                                            \
 	{                                                                                                    \
-		.call = SCMP_SYS(name), .count = 1, .arguments = { argument }                                \
+		.call = (int)__SNR_##name, .count = 1, .arguments = { argument }                             \
 	}
 
-/* map_renew, and map_heartbeat of an owner: the map's files are opened, and none is made. */
-#define RENEWAL_CALLS                                                                                        \
-	CALL_WITH(openat, MASKED(2, O_CREAT | O_TRUNC | O_TMPFILE, 0)), CALL(newfstatat), CALL(statx),       \
-	    CALL(fstatat64), CALL(fstat), CALL(fstat64)
+/* What a file is. glibc and musl ask in different ways. */
+#define STATUS_CALLS                                                                                         \
+	CALL(newfstatat), CALL(statx), CALL(fstatat64), CALL(fstat), CALL(fstat64), CALL(stat),              \
+	    CALL(stat64), CALL(lstat), CALL(lstat64)
+
+/* Files are opened, and none is made. musl uses open where a machine has it, and sets close-on-exec a second time. */
+#define NO_FILE (O_CREAT | O_TRUNC | O_TMPFILE)
+#define OPENING_CALLS                                                                                        \
+	CALL_WITH(openat, MASKED(2, NO_FILE, 0)), CALL_WITH(open, MASKED(1, NO_FILE, 0)),                    \
+	    CALL_WITH(fcntl, EQUAL(1, F_SETFD)), CALL_WITH(fcntl64, EQUAL(1, F_SETFD)), STATUS_CALLS
+
+/* map_renew, and map_heartbeat of an owner: the map's files. */
+#define RENEWAL_CALLS OPENING_CALLS
 
 /* The files of TLS, read anew when they change, and what libcrypto asks for: random numbers, locks for threads that are not there. */
 #define TLS_CALLS RENEWAL_CALLS, CALL(lseek), CALL(_llseek), CALL(getrandom), CALL(futex_time64), CALL(futex)
@@ -51,11 +61,10 @@ struct call_rule {
 		}                                                                                            \
 	}
 
-/* modules/serial.c: no file is made. */
+/* modules/serial.c */
 #define SERIAL_PORT_CALLS                                                                                    \
-	CALL_WITH(openat, MASKED(2, O_CREAT | O_TRUNC | O_TMPFILE, 0)), CALL(newfstatat), CALL(statx),       \
-	    CALL(fstatat64), CALL(fstat), CALL(fstat64), CALL(flock), IOCTL(TCGETS2), IOCTL(TCSETS2),        \
-	    IOCTL(TCFLSH), IOCTL(TIOCEXCL), IOCTL(TIOCGRS485), IOCTL(TIOCSRS485)
+	OPENING_CALLS, CALL(flock), IOCTL(TCGETS2), IOCTL(TCSETS2), IOCTL(TCFLSH), IOCTL(TIOCEXCL),          \
+	    IOCTL(TIOCGRS485), IOCTL(TIOCSRS485)
 
 /* modules/tcp.c, beside poll. */
 #define TCP_CONNECTION_CALLS                                                                                 \

@@ -131,6 +131,7 @@ static const struct call forbidden[] = {
     {.number = SYS_memfd_create, {0}},
     {.number = SYS_kill, {1, 0}},
     {.number = SYS_tgkill, {1, 1, 0}},
+    {.number = SYS_tkill, {1, 0}},
     {.number = SYS_prctl, {PR_SET_DUMPABLE, 1}},
     {.number = SYS_rt_sigaction, {SIGSYS}},
     {.number = SYS_setuid, {0}},
@@ -171,6 +172,10 @@ static const struct {
      {SYS_openat, {-1, 0, O_RDWR}}},
     {"rtu-modbus rtu-iec104 rtu-iec104-tls rtu-journal rtu-logic rtu-iec61850-tls",
      {SYS_openat, {-1, 0, O_RDONLY}}},
+#ifdef SYS_open /* musl's, where the machine has it */
+    {"rtu-modbus rtu-iec104 rtu-iec104-tls rtu-journal rtu-logic rtu-iec61850-tls", {SYS_open, {0, O_RDWR}}},
+    {"rtu-journal", {SYS_open, {0, O_RDWR | O_CREAT}}},
+#endif
     {"rtu-snmp", {SYS_statfs, {0}}},
     {"rtu-snmp", {SYS_ioctl, {-1, SIOCETHTOOL}}},
     {"rtu-journal", {SYS_openat, {-1, 0, O_RDWR | O_CREAT}}},

@@ -211,7 +211,10 @@ static void test_rs485_that_was_not_taken_is_refused(void **state)
 	const struct serial_settings line = {
 	    .baud = 9600, .stop_bits = 1, .rs485 = SERIAL_RS485_HIGH, .before_ms = 5};
 
-	assert_string_equal(opened(&line), "has no RS-485 mode: Inappropriate ioctl for device");
+	char refused[128];
+
+	snprintf(refused, sizeof(refused), "has no RS-485 mode: %s", strerror(ENOTTY));
+	assert_string_equal(opened(&line), refused);
 	driver.has_rs485 = true;
 	driver.longest_ms = 4;
 	assert_string_equal(opened(&line), "does not accept this RS-485 level or these delays");

@@ -39,7 +39,7 @@ static const struct call_rule common[] = {
     CALL_WITH(mmap2, MASKED(2, PROT_EXEC, 0)),
     CALL(mremap),
     CALL(munmap),
-    /* abort(), with its message: a canary that was overwritten says so. The tgkill to itself is added below. */
+    /* abort(), with its message: a canary that was overwritten says so. The signal to itself is added below. */
     CALL(writev),
     CALL(rt_sigprocmask),
     CALL(getpid),
@@ -61,9 +61,12 @@ static int allow(scmp_filter_ctx filter, const struct call_rule *rules, size_t c
 
 static int allow_to_signal_itself(scmp_filter_ctx filter)
 {
-	const struct call_rule rule = CALL_WITH(tgkill, EQUAL(0, (scmp_datum_t)getpid()));
+	const scmp_datum_t itself = (scmp_datum_t)getpid();
+	/* The second is musl's. */
+	const struct call_rule rules[] = {CALL_WITH(tgkill, EQUAL(0, itself)),
+					  CALL_WITH(tkill, EQUAL(0, itself))};
 
-	return allow(filter, &rule, 1);
+	return allow(filter, rules, sizeof(rules) / sizeof(rules[0]));
 }
 
 static int make(scmp_filter_ctx filter, const struct kind_program *program)

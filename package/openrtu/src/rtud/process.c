@@ -37,7 +37,8 @@ int process_set_priority(pid_t pid, int priority)
 {
 	struct sched_param parameter = {.sched_priority = priority};
 
-	return sched_setscheduler(pid, priority ? SCHED_FIFO : SCHED_OTHER, &parameter);
+	/* musl's sched_setscheduler refuses: POSIX means a process by it, Linux a thread. Our modules have one. */
+	return (int)syscall(SYS_sched_setscheduler, pid, priority ? SCHED_FIFO : SCHED_OTHER, &parameter);
 }
 
 /* No group but the one that its work needs: who faces the network shall not reach a line. */

@@ -13,9 +13,22 @@
 #define USER 2
 
 static const struct call_rule calls[] = {
-    CALL(poll),       CALL(ppoll_time64), CALL(ppoll),       CALL(openat),   CALL(pwrite64),  CALL(fdatasync),
-    CALL(fsync),      CALL(ftruncate),    CALL(ftruncate64), CALL(renameat), CALL(renameat2), CALL(unlinkat),
-    CALL(newfstatat), CALL(statx),        CALL(fstatat64),   CALL(fstat),    CALL(fstat64),
+    CALL(poll),
+    CALL(ppoll_time64),
+    CALL(ppoll),
+    CALL(openat),
+    CALL(pwrite64),
+    CALL(fdatasync),
+    CALL(fsync),
+    CALL(ftruncate),
+    CALL(ftruncate64),
+    CALL(renameat),
+    CALL(renameat2),
+    CALL(unlinkat),
+    STATUS_CALLS,
+    CALL(open),
+    CALL_WITH(fcntl, EQUAL(1, F_SETFD)),
+    CALL_WITH(fcntl64, EQUAL(1, F_SETFD)),
 };
 
 static const struct kind_program program = {
