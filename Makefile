@@ -8,7 +8,7 @@ SHELL := bash
 MAKEFLAGS += --no-print-directory
 # Containers set it to stay small. Here each of some thousand starts of Python would compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
-.PHONY: help setup tools build centre centre-page wheels site release install man deb containers dtb qemu uboot linux linux-debug image-debian update image-buildroot image-offline source unit compile asan cross fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom cves legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-debug-kernel test-offline test-sanitizers test-native test-user test-changed test busy soak lab run run-native twin bench bench-polls bench-map clean netboot distclean
+.PHONY: help setup tools build centre centre-page wheels site release install man deb containers dtb qemu uboot linux linux-debug image-debian update image-buildroot image-offline source unit compile asan cross musl fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom cves legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-debug-kernel test-offline test-sanitizers test-native test-user test-changed test busy soak lab run run-native twin bench bench-polls bench-map clean netboot distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -136,6 +136,26 @@ compile: build/compiled-$(CC)/build.ninja ## Test: compile all of it with CC=cla
 
 build/compiled-%/build.ninja: $(BUILD_OPTIONS) | $(PACKAGES)
 	$(LOGGED) $(notdir $(@D))-setup env CC=$* $(STRICT) -Dtests=enabled -Dtls=true -Dsnmp=true -Dweb=true
+
+# Without TLS, SNMP and the page, whose libraries would be more to build than all of the gateway.
+musl: build/musl/build.ninja ## Test: the gateway linked with musl, and its C unit tests
+	$(LOGGED) musl ninja -C build/musl
+	$(LOGGED) musl-unit $(MESON_TEST) -C build/musl
+
+MUSL_LIBRARIES := jansson libseccomp cmocka
+MUSL_ROOT      := $(abspath build/musl-libraries/root)
+
+build/musl/build.ninja: $(BUILD_OPTIONS) build/musl-libraries/done
+	$(LOGGED) $(notdir $(@D))-setup env CC=musl-gcc PKG_CONFIG_LIBDIR=$(MUSL_ROOT)/lib/pkgconfig $(STRICT) -Dtests=enabled \
+	  -Dc_args='-isystem $(MUSL_ROOT)/include' -Dc_link_args='-Wl,-rpath,$(MUSL_ROOT)/lib'
+
+build/musl-libraries/done: scripts/build-musl.sh $(MUSL_LIBRARIES:%=build/musl-libraries/%.dsc) | build/packages-musl.done
+	$(LOGGED) musl-libraries scripts/build-musl.sh $(@D) $(MUSL_LIBRARIES)
+	@touch $@
+
+build/musl-libraries/%.dsc: scripts/debian-source.sh | build/packages-musl.done
+	@mkdir -p $(@D)
+	$(LOGGED) $*-source scripts/debian-source.sh $* $(@D)/$*
 
 build/sysroot.ini: | $(PACKAGES) $(SYSROOT)
 	@printf "[constants]\nsysroot = '%s'\n" "$(abspath $(dir $(SYSROOT)))" > $@
