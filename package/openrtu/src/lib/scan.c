@@ -8,7 +8,6 @@
 
 #include "lib/handle.h"
 
-#define QUALITIES      (MAP_OVERFLOW | MAP_BLOCKED | MAP_SUBSTITUTED | MAP_NOT_TOPICAL | MAP_INVALID)
 #define BEATS_A_LIMIT  4               /* a beat that comes late is not the last one */
 #define MISSED_SAID_NS (60 * NS_PER_S) /* between two lines about periods that were missed */
 
@@ -198,7 +197,7 @@ int openrtu_write_quality(struct openrtu *rtu, int point, double value, uint32_t
 
 int openrtu_write_at(struct openrtu *rtu, int point, double value, uint32_t quality, int64_t time_ns)
 {
-	if (quality & ~(uint32_t)QUALITIES)
+	if (quality & ~(uint32_t)MAP_QUALITY_BITS)
 		return -EINVAL;
 	return write_sample(rtu, point, value, (uint8_t)quality,
 			    time_ns < rtu->now_ns ? time_ns : rtu->now_ns);

@@ -13,6 +13,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "codes.h"
+
 #define MAP_NAME_SIZE        40 /* names of points, devices and modules, terminator included */
 #define MAP_KIND_SIZE        16
 #define MAP_PREFIX_SIZE      12 /* p65535.255 */
@@ -32,20 +34,11 @@ static inline map_modules map_module_bit(uint32_t module)
 #define MAP_FILE_SIZE 128 /* a file's path */
 
 /* The information types of the project report's tables 4.1 and 4.2, and two that no Modbus register has. */
-enum map_type {
-	MAP_SINGLE,     /* value.u 0, 1 */
-	MAP_DOUBLE,     /* value.u 0 intermediate, 1 off, 2 on, 3 indeterminate */
-	MAP_STEP,       /* value.i -64..63, detail bit 0: transient */
-	MAP_BITSTRING,  /* value.u, 32 bits */
-	MAP_NORMALIZED, /* value.i -32768..32767, the wire's NVA: value / 32768 */
-	MAP_SCALED,     /* value.i -32768..32767 */
-	MAP_FLOAT,      /* value.f */
-	MAP_COUNTER,    /* value.i, 32 bits */
-	MAP_INTEGER,    /* value.i, 32 bits: a measured value that keeps them all */
-	MAP_ANGLE,      /* value.i, 1e-7 degree, -180..180 degrees: a float would be a metre coarse */
-};
+#define MAP_CODE_OF_TYPE(name, ...) name,
+#define MAP_ONE_MORE(...)           +1
+enum map_type { MAP_TYPE_ROWS(MAP_CODE_OF_TYPE) };
 
-#define MAP_TYPES            (MAP_ANGLE + 1)
+#define MAP_TYPES            (0 MAP_TYPE_ROWS(MAP_ONE_MORE))
 #define MAP_ANGLE_PER_DEGREE 10000000
 
 #define MAP_POSITION_POINTS 4

@@ -18,6 +18,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "codes.h"
 #include "config.h"
 #include "time_ns.h"
 #include "value.h"
@@ -37,15 +38,8 @@ struct map;
 
 /* ---- values ------------------------------------------------------------------------------ */
 
-/* The quality descriptor's bits, at the places IEC 60870-5-101, 7.2.6.3 gives them. */
-enum map_quality {
-	MAP_GOOD = 0x00,
-	MAP_OVERFLOW = 0x01,
-	MAP_BLOCKED = 0x10,
-	MAP_SUBSTITUTED = 0x20,
-	MAP_NOT_TOPICAL = 0x40,
-	MAP_INVALID = 0x80,
-};
+enum map_quality { MAP_GOOD = 0, MAP_QUALITIES(MAP_CODE) };
+#define MAP_QUALITY_BITS (0 MAP_QUALITIES(MAP_OR_CODE))
 
 /* What a frozen reading of a counter says beside its value, where the BCR has it (IEC 60870-5-101, 7.2.6.9). */
 enum map_counter_detail {
@@ -64,13 +58,7 @@ struct map_sample {
 
 /* ---- modules ----------------------------------------------------------------------------- */
 
-enum map_module_state {
-	MAP_MODULE_STOPPED,  /* no process, on purpose */
-	MAP_MODULE_STARTING, /* forked, has not attached yet */
-	MAP_MODULE_RUNNING,
-	MAP_MODULE_SWITCHING, /* its process is being exchanged, for a changed configuration */
-	MAP_MODULE_DOWN,      /* died or hangs; rtud restarts it */
-};
+enum map_module_state { MAP_MODULE_STATES(MAP_CODE) };
 
 struct map_module {
 	char name[MAP_NAME_SIZE];
@@ -183,12 +171,7 @@ bool map_read_changed(const struct map *map, const uint32_t *points, size_t coun
 /* What the owner of a point has said last, whether it lives or not, and whether the point is forced or not. False: as map_read. */
 bool map_read_own(const struct map *map, uint32_t point, struct map_sample *out);
 
-/* Why a value is sent (IEC 60870-5-101, 7.2.3: causes 3, 11 and 12). */
-enum map_cause {
-	MAP_SPONTANEOUS,
-	MAP_RETURN_REMOTE, /* read back after a controlling station's command */
-	MAP_RETURN_LOCAL,  /* read back after a command of rtuctl */
-};
+enum map_cause { MAP_CAUSES(MAP_CODE) };
 
 /* Whether a spontaneous update is an event. */
 enum map_event_rule {
@@ -324,37 +307,9 @@ void map_synch_ring(const struct map *map, uint32_t module);
 
 /* ---- commands ---------------------------------------------------------------------------- */
 
-/*
- * The ten states of a command, after "Implementing the telecontrol application functions defined by IEC 870-5-104 using
- * SNMPv3 services" (docs/glossary.md, "Sources").
- */
-enum map_command_state {
-	MAP_INACTIVE,
-	MAP_SELECTION_REQUEST,
-	MAP_ACCEPTED_SELECTION,
-	MAP_REFUSED_SELECTION,
-	MAP_INTERRUPTION_REQUEST,
-	MAP_INTERRUPTED_SELECTION,
-	MAP_EXECUTION_REQUEST,
-	MAP_EXECUTING,
-	MAP_REFUSED_COMMAND,
-	MAP_EXECUTED_COMMAND,
-};
+enum map_command_state { MAP_COMMAND_STATES(MAP_CODE) };
 
-/* Why a state was reached. */
-enum map_command_result {
-	MAP_RESULT_NONE,
-	MAP_RESULT_DONE, /* the device confirmed it (a broadcast: it was sent); with MAP_EXECUTING: it goes on */
-	MAP_RESULT_EXCEPTION, /* the device refused: detail is the Modbus exception code, or an outstation's cause of transmission */
-	MAP_RESULT_TIMEOUT,      /* the device did not answer: it may or may not have acted */
-	MAP_RESULT_TOO_OLD,      /* not begun before its deadline */
-	MAP_RESULT_NOT_SELECTED, /* needs a selection by this requester, with this value */
-	MAP_RESULT_INTERLOCK, /* another command of this point is under way or selected, or its pulse has not ended */
-	MAP_RESULT_OUT_OF_RANGE, /* the point cannot hold this value */
-	MAP_RESULT_NOT_COMMANDABLE,
-	MAP_RESULT_UNKNOWN_FATE, /* the owner died while executing; never repeated */
-	MAP_RESULT_NO_SCALE,     /* the point's scale register has not been read, or holds no power of ten */
-};
+enum map_command_result { MAP_COMMAND_RESULTS(MAP_CODE) };
 
 enum map_action {
 	MAP_SELECT,
@@ -562,7 +517,7 @@ static inline bool map_event_time_is_set(const struct map_event *event, struct m
 
 /* ---- log --------------------------------------------------------------------------------- */
 
-enum map_log_level { MAP_LOG_ERROR, MAP_LOG_WARNING, MAP_LOG_INFO, MAP_LOG_DEBUG };
+enum map_log_level { MAP_LOG_LEVELS(MAP_CODE) };
 
 #define MAP_LOG_TEXT_SIZE 112
 

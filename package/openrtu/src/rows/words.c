@@ -15,6 +15,10 @@
 #define COUNT(array)   (sizeof(array) / sizeof((array)[0]))
 #define ANGLE_DECIMALS 7
 
+#define BIT_AND_WORD(name, bit, word)   {bit, word},
+#define WORD_AND_COMMA(name, bit, word) word ","
+_Static_assert(sizeof(MAP_QUALITIES(WORD_AND_COMMA)) <= WORDS_SIZE, "all at once");
+
 static const double NVA_ONE = 32768; /* IEC 60870-5-101, 7.2.6.6 */
 
 static const char *word(const char *const *words, size_t count, unsigned index)
@@ -29,15 +33,14 @@ const char *words_type(enum map_type type)
 
 const char *words_module_state(enum map_module_state state)
 {
-	static const char *const words[] = {"stopped", "starting", "running", "switching", "down"};
+	static const char *const words[] = {MAP_MODULE_STATES(MAP_WORDS)};
 
 	return word(words, COUNT(words), state);
 }
 
 const char *words_cause(enum map_cause cause)
 {
-	static const char *const words[] = {"spontaneous", "return information remote",
-					    "return information local"};
+	static const char *const words[] = {MAP_CAUSES(MAP_WORDS)};
 
 	return word(words, COUNT(words), cause);
 }
@@ -52,7 +55,7 @@ const char *words_clock_source(enum map_clock_source source)
 
 const char *words_log_level(enum map_log_level level)
 {
-	static const char *const words[] = {"error", "warning", "info", "debug"};
+	static const char *const words[] = {MAP_LOG_LEVELS(MAP_WORDS)};
 
 	return word(words, COUNT(words), level);
 }
@@ -62,10 +65,7 @@ void words_quality(uint8_t quality, char *out)
 	static const struct {
 		uint8_t bit;
 		const char *word;
-	} bits[] = {
-	    {MAP_INVALID, "invalid"}, {MAP_NOT_TOPICAL, "not topical"}, {MAP_SUBSTITUTED, "substituted"},
-	    {MAP_BLOCKED, "blocked"}, {MAP_OVERFLOW, "overflow"},
-	};
+	} bits[] = {MAP_QUALITIES(BIT_AND_WORD)};
 	size_t used = 0;
 
 	strcpy(out, "good");

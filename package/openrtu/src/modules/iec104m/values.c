@@ -9,7 +9,6 @@
 #define ALTITUDE_NONE (-8388608) /* with OV: it is not known */
 #define NIBBLE        0x0fu
 #define DM_PER_M      10.0f
-#define QUALITY_MASK  (MAP_OVERFLOW | MAP_BLOCKED | MAP_SUBSTITUTED | MAP_NOT_TOPICAL | MAP_INVALID)
 #define AHEAD_NS      (5 * NS_PER_S)                         /* clocks that are set differ by less */
 #define BEHIND_NS     (MAP_PAST_DAYS * S_PER_DAY * NS_PER_S) /* of what an outstation has kept for us */
 
@@ -218,7 +217,7 @@ bool values_take(struct values *values, const struct iec104_asdu *asdu,
 				      .cause = (uint8_t)cause,
 				      .event_rule = (uint8_t)rule,
 				      .sample = {.value = information->value,
-						 .quality = information->quality & QUALITY_MASK,
+						 .quality = information->quality & MAP_QUALITY_BITS,
 						 .detail = information->detail,
 						 .time_ns = tag.at_ns}};
 	map_count(&values->stats->objects, 1);
@@ -233,7 +232,8 @@ bool values_take(struct values *values, const struct iec104_asdu *asdu,
 static void samples_of(const struct iec104_geoposition *position, int64_t time_ns,
 		       struct map_sample out[IEC104_OUTSTATION_POSITION_POINTS])
 {
-	const uint8_t quality = position->quality & QUALITY_MASK, exact = quality & (uint8_t)~MAP_OVERFLOW;
+	const uint8_t quality = position->quality & MAP_QUALITY_BITS,
+		      exact = quality & (uint8_t)~MAP_OVERFLOW;
 	const bool unknown = position->altitude_dm == ALTITUDE_NONE && (quality & MAP_OVERFLOW) != 0;
 	const uint32_t fix = (position->fix & NIBBLE) | (position->satellites & NIBBLE) << 4;
 
