@@ -8,7 +8,7 @@ SHELL := bash
 MAKEFLAGS += --no-print-directory
 # Containers set it to stay small. Here each of some thousand starts of Python would compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
-.PHONY: help setup tools build centre centre-page wheels site release install man deb containers dtb qemu uboot linux linux-debug image-debian update image-buildroot image-offline source unit compile asan cross musl fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom cves legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-debug-kernel test-offline test-sanitizers test-native test-user test-changed test busy soak lab run run-native twin bench bench-polls bench-map clean netboot distclean
+.PHONY: help setup tools build centre centre-page wheels site release install man codes deb containers dtb qemu uboot linux linux-debug image-debian update image-buildroot image-offline source unit compile asan cross musl fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom cves legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-debug-kernel test-offline test-sanitizers test-native test-user test-changed test busy soak lab run run-native twin bench bench-polls bench-map clean netboot distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -170,6 +170,9 @@ build/bench/build.ninja: | $(PACKAGES) build/packages-tests.done
 
 PAGE       := build/centre/page
 PAGE_FILES := $(shell find centre/page -type f)
+
+codes: $(VENV) ## Maintain: what has its numbers from C, after a change of them
+	$(PYTHON) scripts/codes.py
 
 centre-page: $(PAGE)/done ## Build: the control centre's page
 

@@ -29,7 +29,7 @@ log = logging.getLogger("centre")
 
 COMMANDS = ", ".join(f'"{column}"' for column in COMMAND_COLUMNS)
 ROWS = 500  # of a page
-CHART_ROWS = 5000  # of a chart; ROWS_MOST of chart.js
+CHART_ROWS = 5000  # of a chart
 IDS_MOST = 5000  # of alarms
 MARKS_AT_ONCE = 200  # of a file
 DAY_S = 86400.0

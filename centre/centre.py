@@ -15,13 +15,14 @@ from itertools import count
 from typing import Any, Protocol, TypeVar
 
 from openrtu_tools.centre import records
+from openrtu_tools.centre.codes import Ask, Kind, Result, State
 from openrtu_tools.centre.database import open_store
 from openrtu_tools.centre.errors import CentreError, RefusedError, StoreError
 from openrtu_tools.centre.intake import Intake
 from openrtu_tools.centre.keep import Keeper
 from openrtu_tools.centre.makers import Makers
 from openrtu_tools.centre.model import Alarm, Changes, Command, Json, Model, Point, Station
-from openrtu_tools.centre.records import ENDED, Ask, Result, State
+from openrtu_tools.centre.records import ENDED
 from openrtu_tools.centre.settings import Keep, Settings
 from openrtu_tools.centre.store import Database, audit
 from openrtu_tools.centre.trace import STATIONS_MOST, Trace
@@ -464,7 +465,7 @@ class Centre:
             return
         by_place = {self.model.stations[id_].place: trace for id_, trace in self.traces.items()}
         for record in batch:
-            if record.kind == records.Kind.OCTETS and record.station in by_place:
+            if record.kind == Kind.OCTETS and record.station in by_place:
                 by_place[record.station].take(record)
 
     async def acknowledge(self, user: str, id_: int) -> Alarm:

@@ -10,7 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from openrtu_tools.centre.records import SPONTANEOUS, Record
+from openrtu_tools.centre.codes import Cause
+from openrtu_tools.centre.records import Record
 
 MINUTE_NS = 60 * 10**9
 LIMIT_NS = MINUTE_NS  # a clock that is set is not so far off
@@ -45,7 +46,7 @@ class Clock:
     def believes(self, record: Record, before: Told) -> bool:
         """Of a record that is tagged. Wrong is what no queue explains."""
         self.ahead_ns = ahead_ns = record.tag_ns - record.received_ns
-        if record.cause == SPONTANEOUS:
+        if record.cause == Cause.SPONTANEOUS:
             self._see(record.received_ns // MINUTE_NS, ahead_ns)
         if ahead_ns >= -LIMIT_NS:
             self.wrong = ahead_ns > LIMIT_NS

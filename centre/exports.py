@@ -15,11 +15,11 @@ from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any
 
+from openrtu_tools.centre.codes import INVALID
 from openrtu_tools.centre.database import open_store
 from openrtu_tools.centre.errors import CentreError
 from openrtu_tools.centre.formats import FORMATS, Place, Writer, moment, table
 from openrtu_tools.centre.model import NS_PER_MS, Json, metres
-from openrtu_tools.centre.records import INVALID
 from openrtu_tools.centre.store import INTEGER_MOST, Row, Store
 
 ROWS_AT_ONCE = 2000  # what is in memory

@@ -17,8 +17,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 from xml.sax.saxutils import escape
 
+from openrtu_tools.centre.codes import INVALID
 from openrtu_tools.centre.model import NS_PER_MS, Point, metres
-from openrtu_tools.centre.records import INVALID
 
 GPX = "http://www.topografix.com/GPX/1/1"
 KML = "http://www.opengis.net/kml/2.2"

@@ -9,9 +9,9 @@ from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
+from openrtu_tools.centre.codes import Content
 from openrtu_tools.centre.errors import CentreError
 from openrtu_tools.centre.model import Json
-from openrtu_tools.centre.records import Content
 from openrtu_tools.centre.settings import Meaning, Settings, StationSettings
 from openrtu_tools.missing import in_clone
 

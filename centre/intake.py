@@ -13,26 +13,23 @@ from typing import NamedTuple
 
 from openrtu_tools.centre.areas import Area, Areas
 from openrtu_tools.centre.clocks import LIMIT_NS, Clock, Told
-from openrtu_tools.centre.model import Alarm, AlarmKey, Changes, Command, Model, Point, Station
-from openrtu_tools.centre.records import (
-    ENDED,
-    EVENTS,
+from openrtu_tools.centre.codes import (
     INVALID,
     NOT_TOPICAL,
     OVERFLOW,
     TEST,
-    UNKNOWN_ALTITUDE,
     Content,
     Kind,
     Link,
-    Record,
     Result,
     State,
 )
+from openrtu_tools.centre.model import Alarm, AlarmKey, Changes, Command, Model, Point, Station
+from openrtu_tools.centre.records import ENDED, EVENTS, UNKNOWN_ALTITUDE, Record
 from openrtu_tools.centre.settings import Meaning, StationSettings
 from openrtu_tools.centre.store import Database, EventRow, inserted, put
 
-ANSWERED = (Result.DONE, Result.REFUSED, Result.TIMEOUT)  # of a station that is there
+ANSWERED = (Result.DONE, Result.EXCEPTION, Result.TIMEOUT)  # of a station that is there
 LOST_PRIORITY, QUALITY_PRIORITY, POSITION_PRIORITY, CLOCK_PRIORITY = 1, 2, 3, 3
 POINT_COLUMNS = [
     *("content", "value", "quality", "cause", "at_ns", "received_ns", "tagged"),

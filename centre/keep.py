@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 from openrtu_tools.centre.areas import distance_m
-from openrtu_tools.centre.records import ENDED, INVALID
+from openrtu_tools.centre.codes import INVALID
+from openrtu_tools.centre.records import ENDED
 from openrtu_tools.centre.settings import Keep
 from openrtu_tools.centre.store import Database, put
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from openrtu_tools.centre.clocks import Told
-from openrtu_tools.centre.records import EVENTS, INVALID, UNKNOWN_ALTITUDE, Content, Link
+from openrtu_tools.centre.codes import INVALID, Content, Link
+from openrtu_tools.centre.records import EVENTS, UNKNOWN_ALTITUDE
 from openrtu_tools.centre.settings import Meaning, StationSettings
 
 Json = dict[str, Any]
@@ -37,7 +38,7 @@ class Station:
     id: int
     settings: StationSettings
     place: int = -1  # in the collector's file; -1: it has not named it
-    link: int = 0  # records.Link; 0: the collector does not say
+    link: int = 0  # codes.Link; 0: the collector does not say
     reason: int = 0
     error: int = 0
     since_ns: int = 0

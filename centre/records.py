@@ -5,8 +5,18 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
-from enum import IntEnum
 
+from openrtu_tools.centre.codes import (
+    SELECT,
+    TAGGED,
+    TIME_INVALID,
+    TYPES,
+    Ask,
+    Cause,
+    Content,
+    Kind,
+    State,
+)
 from openrtu_tools.centre.errors import CentreError
 
 MAGIC = b"RTU1"
@@ -16,95 +26,12 @@ SAID = struct.Struct("<qqBBBB12s")  # the 32 octets of a record that names no st
 REQUEST = struct.Struct("<BBHIQI4sBBb5x")
 PACKET_MAX = HEADER.size + 1024 * RECORD.size
 
-LAST, TEST, TAGGED, TIME_INVALID, NEGATIVE = 1, 2, 4, 8, 16  # flags of a record
-SENT, GAP = 32, 64  # of octets
-SELECT = 1  # flag of a command
-OVERFLOW, BLOCKED, SUBSTITUTED, NOT_TOPICAL, INVALID = 1, 16, 32, 64, 128  # quality
-SPONTANEOUS, REMOTE, LOCAL = 3, 11, 12  # causes of what is an event
-EVENTS = (SPONTANEOUS, REMOTE, LOCAL)
+EVENTS = (Cause.SPONTANEOUS, Cause.RETURN_REMOTE, Cause.RETURN_LOCAL)
 UNKNOWN_ALTITUDE = -(2**23)  # dm, of type 201
-
-
-class Kind(IntEnum):
-    STATION = 1
-    LINK = 2
-    INFORMATION = 3
-    POSITION = 4
-    PROGRESS = 5
-    OTHER = 6
-    OCTETS = 7
-
-
-class Link(IntEnum):
-    CONNECTING = 1
-    UP = 3
-    DOWN = 4
-
-
-class State(IntEnum):
-    """The ten states of a command."""
-
-    INACTIVE = 0
-    SELECTION_REQUEST = 1
-    ACCEPTED_SELECTION = 2
-    REFUSED_SELECTION = 3
-    INTERRUPTION_REQUEST = 4
-    INTERRUPTED_SELECTION = 5
-    EXECUTION_REQUEST = 6
-    EXECUTING = 7
-    REFUSED_COMMAND = 8
-    EXECUTED_COMMAND = 9
-
-
 ENDED = frozenset(
     {State.REFUSED_SELECTION, State.INTERRUPTED_SELECTION, State.REFUSED_COMMAND, State.EXECUTED_COMMAND}
 )
-
-
-class Result(IntEnum):
-    NONE = 0
-    DONE = 1
-    REFUSED = 2
-    TIMEOUT = 3
-    ID_IN_USE = 6
-    OUT_OF_RANGE = 7
-    UNKNOWN_FATE = 9
-    NOT_UP = 64
-    BUSY = 65
-    NOT_KNOWN = 66
-
-
-class Ask(IntEnum):
-    ACKNOWLEDGE = 1
-    COMMAND = 2
-    EXECUTE = 3
-    CANCEL = 4
-    INTERROGATE = 5
-    TRACE = 11
-
-
-class Content(IntEnum):
-    """enum iec104_content, and a place."""
-
-    SINGLE = 0
-    DOUBLE = 1
-    STEP = 2
-    BITS = 3
-    NORMALIZED = 4
-    SCALED = 5
-    FLOAT = 6
-    TOTAL = 7
-    PROTECTION_EVENT = 8
-    PROTECTION_START = 9
-    PROTECTION_OUTPUT = 10
-    PACKED_SINGLES = 11
-    INITIALISATION = 12
-    POSITION = 100
-
-
 SIGNED = {Content.STEP, Content.NORMALIZED, Content.SCALED, Content.TOTAL}
-# Of a command: its type in a request, and what its value may be.
-COMMAND_TYPES = {"single": 0, "double": 1, "step": 2, "bits": 3, "normalized": 4, "scaled": 5, "float": 6}
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,7 +139,7 @@ def command(
         step = int(value)
     return REQUEST.pack(
         Ask.COMMAND,
-        COMMAND_TYPES[type_],
+        TYPES["bitstring" if type_ == "bits" else type_],
         ca,
         station,
         id_,

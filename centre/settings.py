@@ -15,9 +15,9 @@ from typing import Any
 import jsonschema
 
 from openrtu_tools.centre.areas import Area
+from openrtu_tools.centre.codes import Content
 from openrtu_tools.centre.errors import CentreError
 from openrtu_tools.centre.peers import Network
-from openrtu_tools.centre.records import Content
 from openrtu_tools.programs import command
 
 Json = dict[str, Any]
@@ -195,7 +195,7 @@ class Meaning:
     unit: str = ""
     device: str = ""
     content: Content | None = None
-    command: str = ""  # a key of records.COMMAND_TYPES
+    command: str = ""  # a type of points; bits: a bitstring
     selects: bool = False
     readable: bool = True
     minimum: float | None = None

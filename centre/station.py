@@ -19,10 +19,11 @@ from typing import Any
 import aiohttp
 from openrtu import Level, Module, Quality, Request, Result
 
-from openrtu_tools.centre import records
+from openrtu_tools.centre import codes
+from openrtu_tools.centre.codes import Link, State
 from openrtu_tools.centre.higher import COMMAND_S, RELEASE_S
 from openrtu_tools.centre.model import NS_PER_MS, Json
-from openrtu_tools.centre.records import ENDED, Link, State
+from openrtu_tools.centre.records import ENDED
 
 AGAIN_S = 1.0  # until the next attempt to reach the centre
 ASK_S = 0.1  # between two looks at a command
@@ -31,12 +32,12 @@ UNTOLD = Quality.INVALID | Quality.NOT_TOPICAL
 # What the centre refuses before anything was sent, by its code; all else is not for us to command.
 REFUSALS = {"busy": Result.INTERLOCK, "out_of_range": Result.OUT_OF_RANGE}
 RESULTS = {
-    records.Result.DONE: Result.DONE,
-    records.Result.REFUSED: Result.EXCEPTION,
-    records.Result.TIMEOUT: Result.TIMEOUT,
-    records.Result.OUT_OF_RANGE: Result.OUT_OF_RANGE,
-    records.Result.UNKNOWN_FATE: Result.UNKNOWN_FATE,
-    records.Result.BUSY: Result.INTERLOCK,
+    codes.Result.DONE: Result.DONE,
+    codes.Result.EXCEPTION: Result.EXCEPTION,
+    codes.Result.TIMEOUT: Result.TIMEOUT,
+    codes.Result.OUT_OF_RANGE: Result.OUT_OF_RANGE,
+    codes.Result.UNKNOWN_FATE: Result.UNKNOWN_FATE,
+    codes.Result.BUSY: Result.INTERLOCK,
 }
 
 Place = tuple[str, int, int]  # of an object: station, common address, IOA

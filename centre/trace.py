@@ -8,8 +8,9 @@ from collections import deque
 from dataclasses import dataclass, field
 
 from openrtu_tools.centre.apdu import START, decode
+from openrtu_tools.centre.codes import GAP, SENT
 from openrtu_tools.centre.model import NS_PER_MS, Json
-from openrtu_tools.centre.records import GAP, SENT, Record
+from openrtu_tools.centre.records import Record
 
 FRAMES_MOST = 500  # of a station
 STATIONS_MOST = 8  # at once

@@ -33,9 +33,10 @@ from bench import machine
 from lab.gateway import REPOSITORY, free_port
 
 sys.path.insert(0, str(REPOSITORY))
+from openrtu_tools.centre.codes import TAGGED, Cause, Content, Kind
 from openrtu_tools.centre.database import open_store
 from openrtu_tools.centre.intake import Intake
-from openrtu_tools.centre.records import SPONTANEOUS, TAGGED, Content, Kind, Record
+from openrtu_tools.centre.records import Record
 from openrtu_tools.centre.settings import StationSettings
 from openrtu_tools.centre.sqlite import SqliteStore
 from openrtu_tools.centre.store import Store
@@ -60,7 +61,7 @@ def records(what: str, stations: int, number: int, at_ns: int) -> list[Record]:
             "received_ns": at_ns,
             "tag_ns": at_ns,
         }
-        of_all = {"flags": TAGGED, "cause": SPONTANEOUS, **place}
+        of_all = {"flags": TAGGED, "cause": Cause.SPONTANEOUS, **place}
         value = (at_ns // 1000 % 2**31).to_bytes(4, "little")
         rest = value + bytes([0, 0, Content.SCALED]) + bytes(5) if what == EVENTS else value * 3
         kind = Kind.INFORMATION if what == EVENTS else Kind.POSITION

@@ -39,9 +39,9 @@ from lab.vehicles import (
     stepped,
 )
 from openrtu_tools.centre.apdu import CAUSES, NAMES, decode
+from openrtu_tools.centre.codes import State
 from openrtu_tools.centre.errors import CentreError
 from openrtu_tools.centre.higher import PROGRAM, gateway
-from openrtu_tools.centre.records import State
 from openrtu_tools.centre.settings import load
 
 pytestmark = pytest.mark.slow  # a centre, a gateway and its module in Python for one use of a centre

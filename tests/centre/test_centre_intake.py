@@ -10,22 +10,11 @@ from pathlib import Path
 
 import pytest
 
+from openrtu_tools.centre.codes import INVALID, OVERFLOW, TAGGED, Cause, Content, Kind, Link, Result, State
 from openrtu_tools.centre.database import open_store
 from openrtu_tools.centre.intake import Intake
 from openrtu_tools.centre.model import Alarm, Point
-from openrtu_tools.centre.records import (
-    INVALID,
-    OVERFLOW,
-    SPONTANEOUS,
-    TAGGED,
-    UNKNOWN_ALTITUDE,
-    Content,
-    Kind,
-    Link,
-    Record,
-    Result,
-    State,
-)
+from openrtu_tools.centre.records import UNKNOWN_ALTITUDE, Record
 from openrtu_tools.centre.settings import Meaning, StationSettings
 from openrtu_tools.centre.store import Store
 from postgres import Server
@@ -50,7 +39,9 @@ def intake(store: Store) -> Intake:
     return made
 
 
-def record(value: float, at_ms: int, cause: int = SPONTANEOUS, flags: int = TAGGED, ioa: int = 1) -> Record:
+def record(
+    value: float, at_ms: int, cause: int = Cause.SPONTANEOUS, flags: int = TAGGED, ioa: int = 1
+) -> Record:
     at_ns = NOW + at_ms * 1_000_000
     rest = struct.pack("<fHB5x", value, 0, Content.FLOAT)
     return Record(
@@ -91,8 +82,8 @@ def test_an_event_that_came_before_says_nothing(store: Store, intake: Intake) ->
         (1, 0),
     ]
     assert take(store, intake, record(1, 0), record(2, 1), record(2, 2)) == [(2, 0)]
-    assert history(store) == [(1, 0, SPONTANEOUS), (2, 0, SPONTANEOUS), (2, 0, SPONTANEOUS)]
-    assert history(store, 2) == [(1, 0, SPONTANEOUS)]
+    assert history(store) == [(1, 0, Cause.SPONTANEOUS), (2, 0, Cause.SPONTANEOUS), (2, 0, Cause.SPONTANEOUS)]
+    assert history(store, 2) == [(1, 0, Cause.SPONTANEOUS)]
 
 
 def test_what_is_no_event_is_stored_when_it_changes(store: Store, intake: Intake) -> None:
@@ -101,7 +92,7 @@ def test_what_is_no_event_is_stored_when_it_changes(store: Store, intake: Intake
     tagged = [record(value, at, REQUESTED) for value, at in ((2, 3), (3, 4))]
     assert take(store, intake, *tagged) == [(2, 0), (3, 0)]
     assert take(store, intake, record(2, 5, flags=0), record(3, 4, REQUESTED)) == [(2, 0)]
-    stored = [(1, INTERROGATED), (2, INTERROGATED), (3, REQUESTED), (2, SPONTANEOUS)]
+    stored = [(1, INTERROGATED), (2, INTERROGATED), (3, REQUESTED), (2, Cause.SPONTANEOUS)]
     assert [(value, cause) for value, _, cause in history(store)] == stored
 
 
@@ -122,7 +113,7 @@ HOUR = 3600 * S
 GI = 1 << 48  # the id of an interrogation
 
 
-def said(value: float, at_ms: int, tag_ms: int, cause: int = SPONTANEOUS, ioa: int = 1) -> Record:
+def said(value: float, at_ms: int, tag_ms: int, cause: int = Cause.SPONTANEOUS, ioa: int = 1) -> Record:
     """It comes at one time, and its tag says another."""
     return replace(record(value, at_ms, cause, ioa=ioa), tag_ns=NOW + tag_ms * 1_000_000)
 
@@ -146,7 +137,7 @@ def ended(
 
 def placed(
     latitude: float, at_ms: int, tag_ms: int | None = None, quality: int = 0, altitude: int = 1170,
-    cause: int = SPONTANEOUS,
+    cause: int = Cause.SPONTANEOUS,
 ) -> Record:  # fmt: skip
     rest = struct.pack("<iii", round(latitude * 1e7), round(20.4e7 if latitude else 0), altitude)
     tag_ns = NOW + (at_ms if tag_ms is None else tag_ms) * 1_000_000

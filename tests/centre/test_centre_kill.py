@@ -17,7 +17,7 @@ import pytest
 from control_room import Site, Stations, Watch, described, until
 from lab.centre_client import LIMIT_S
 from lab.vehicles import M_ME_TF_1, measured
-from openrtu_tools.centre.records import Result, State
+from openrtu_tools.centre.codes import Result, State
 from postgres import SEGMENT_MIB, Server
 
 pytestmark = pytest.mark.slow

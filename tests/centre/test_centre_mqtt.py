@@ -16,8 +16,8 @@ import pytest
 from control_room import Site, Stations, described, free_port, until
 from lab.centre_client import LIMIT_S
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, Station, measured, single
+from openrtu_tools.centre.codes import State
 from openrtu_tools.centre.errors import CentreError
-from openrtu_tools.centre.records import State
 from openrtu_tools.centre.settings import load
 
 NORTH = "station/north%2Fone"

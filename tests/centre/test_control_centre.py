@@ -23,7 +23,8 @@ from lab.centre_client import AnswerError, Client
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, POSITION, Station, measured, position, single
 from openrtu_tools.centre import stream
 from openrtu_tools.centre.api import AUDITED, ROUTES, document
-from openrtu_tools.centre.records import ENDED, Result, State
+from openrtu_tools.centre.codes import Result, State
+from openrtu_tools.centre.records import ENDED
 from openrtu_tools.centre.stream import View
 
 INVALID = 128
@@ -180,14 +181,14 @@ def test_only_who_selected_executes(site: Site, operator: Client) -> None:
 def test_selection_is_refused(operator: Client, manner: Station) -> None:
     manner.manner = "refuse selection"
     command = operator.post("/api/commands", {"point": point(operator, "pump")["id"], "value": 1})
-    assert in_state(operator, command["id"], State.REFUSED_SELECTION)["result"] == Result.REFUSED
+    assert in_state(operator, command["id"], State.REFUSED_SELECTION)["result"] == Result.EXCEPTION
 
 
 def test_command_is_refused_with_the_stations_reason(operator: Client, manner: Station) -> None:
     manner.manner = "refuse"
     command = operator.post("/api/commands", {"point": point(operator, "lamp")["id"], "value": 1})
     refused = in_state(operator, command["id"], State.REFUSED_COMMAND)
-    assert refused["result"] == Result.REFUSED
+    assert refused["result"] == Result.EXCEPTION
     assert refused["cause"] == 7
 
 

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // What one has open, tokens for programs, the own password and a second factor.
+import { SCOPES, TOKEN_DAYS_MOST } from "./codes.js";
 import { h, setText } from "./dom.js";
 import * as live from "./live.js";
 import { t, time } from "./words.js";
 
-const SCOPES = { read: "viewer", command: "operator", engineer: "engineer" }; // the role that each needs
-const DAYS_MOST = 366;
 
 function input(type, name, more = {}) {
   return h("input", { type, autocomplete: { own: "current-password", fresh: "new-password" }[name] ?? "off", required: true, maxLength: 256, ...more });
@@ -68,7 +67,7 @@ function sessionTable() {
 function tokenPart(changed) {
   const label = input("text", "label", { maxLength: 64 });
   const scope = h("select", {}, ...Object.keys(SCOPES).filter((name) => live.may(SCOPES[name])).map((name) => h("option", { value: name }, t(`scope_${name}`))));
-  const days = input("number", "days", { min: "1", max: String(DAYS_MOST), step: "1" });
+  const days = input("number", "days", { min: "1", max: String(TOKEN_DAYS_MOST), step: "1" });
   days.setAttribute("value", "30");
   const own = input("password", "own");
   return part("token_new", "make_it", [labelled("token_for", label), labelled("token_scope", scope), labelled("days_good", days), labelled("password_own", own)], async () => {

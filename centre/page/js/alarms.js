@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Alarms to be acknowledged; and what happened: events, commands.
+import { ALARM_KINDS, CAUSE, IDS_MOST, STATE } from "./codes.js";
 import { fate, stateText } from "./command.js";
 import { fill, h, Rows, setText, state, tabs } from "./dom.js";
 import * as live from "./live.js";
@@ -9,11 +10,10 @@ import { ahead, number, t, time } from "./words.js";
 
 const PRIORITIES = { 1: ["bad", "high"], 2: ["old", "medium"], 3: ["none", "low"] };
 const SHELVED_MIN = 60;
-const IDS_MOST = 5000; // of a request, in api.py
 const DAY_MS = 86400000;
-const KINDS = ["lost", "quality", "clock", "high", "low", "state", "inside", "outside"];
-const CAUSES_OF_EVENTS = { 3: "spontaneous", 11: "remote", 12: "local", 20: "interrogated" };
-const ACCEPTED = 2; // state of a command
+const CAUSES_OF_EVENTS = {
+  [CAUSE.SPONTANEOUS]: "spontaneous", [CAUSE.RETURN_REMOTE]: "remote", [CAUSE.RETURN_LOCAL]: "local", [CAUSE.INTERROGATED]: "interrogated",
+};
 let sound = false;
 let names = new Map(); // points of all stations: alarms name them
 
@@ -195,7 +195,7 @@ function alarmTable(place) {
 function pastAlarms(place) {
   const spans = { hours_24: 1, days_7: 7, days_30: 30 };
   const span = h("select", { "aria-label": t("time") }, ...Object.keys(spans).map((key) => h("option", { value: String(spans[key]) }, t(key))));
-  const kind = h("select", { "aria-label": t("what") }, h("option", { value: "" }, t("all_kinds")), ...KINDS.map((key) => h("option", { value: key }, t(`kind_${key}`))));
+  const kind = h("select", { "aria-label": t("what") }, h("option", { value: "" }, t("all_kinds")), ...ALARM_KINDS.map((key) => h("option", { value: key }, t(`kind_${key}`))));
   const station = h("select", { "aria-label": t("station") }, h("option", { value: "" }, t("stations")),
     ...[...live.stations.values()].map((each) => h("option", { value: String(each.id) }, each.name)));
   return list(place, "past_alarms", ["since", "station", "what", "until_gone", "by"], [span, station, kind], async () => {
@@ -235,7 +235,7 @@ function stationName(id) {
 
 // A command of somebody else that waits for this user.
 function toRelease(command) {
-  if (command.state !== ACCEPTED || !command.release || command.user === live.session.user || !live.may("operator")) return [];
+  if (command.state !== STATE.ACCEPTED_SELECTION || !command.release || command.user === live.session.user || !live.may("operator")) return [];
   const failure = h("span", { class: "error", role: "alert" });
   const doing = (what) => live.ask(`commands/${command.id}/${what}`, {}).then(() => failure.parentElement?.querySelectorAll("button").forEach((each) => each.remove()))
     .catch((refused) => setText(failure, t(refused.code) === refused.code ? refused.message : t(refused.code)));

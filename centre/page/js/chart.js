@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The values of a point over time. A value holds until the next; an invalid one is a gap.
 import uPlot from "../vendor/uplot.mjs";
+import { CHART_ROWS, QUALITY } from "./codes.js";
 import { h } from "./dom.js";
 import * as live from "./live.js";
 import { number, t, time } from "./words.js";
 
-const INVALID = 128;
-const ROWS_MOST = 5000; // that the centre answers with: the newest
 export const HOUR_MS = 3600000;
 
 export async function chart(place, point, spanMs, end) {
@@ -15,12 +14,12 @@ export async function chart(place, point, spanMs, end) {
     place.replaceChildren(h("p", { class: "muted" }, t("chart_empty")));
     return;
   }
-  const good = (row) => (row.quality & INVALID ? null : row.value);
+  const good = (row) => (row.quality & QUALITY.INVALID ? null : row.value);
   const times = rows.map((row) => row.at / 1000).concat(end / 1000);
   const values = rows.map(good).concat(good(rows.at(-1)));
   const colours = getComputedStyle(document.documentElement);
   const axis = { stroke: colours.getPropertyValue("--muted"), grid: { stroke: colours.getPropertyValue("--line"), width: 1 }, ticks: { show: false }, font: "12px system-ui" };
-  const part = rows.length < ROWS_MOST ? [] : [h("p", { class: "muted" }, t("chart_part", { n: number(ROWS_MOST), time: time(rows[0].at, true) }))];
+  const part = rows.length < CHART_ROWS ? [] : [h("p", { class: "muted" }, t("chart_part", { n: number(CHART_ROWS), time: time(rows[0].at, true) }))];
   place.replaceChildren(...part);
   const width = Math.max(240, place.clientWidth - 28);
   new uPlot({

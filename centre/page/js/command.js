@@ -1,30 +1,30 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The dialogue of a command: what is now, what shall be; each step as it is answered; how it ended.
+import { RESULT, STATE } from "./codes.js";
 import { fill, h, setText, shape, state } from "./dom.js";
 import * as live from "./live.js";
 import { quality, valueText } from "./quality.js";
 import { t, time } from "./words.js";
 
-// Of map_command_state, in package/openrtu/src/map/map.h.
-const SELECTION = 1, ACCEPTED = 2, INTERRUPTION = 4, INTERRUPTED = 5, EXECUTION = 6, EXECUTED = 9;
-const ENDED = [3, INTERRUPTED, 8, EXECUTED];
-const REFUSED = 2, TIMEOUT = 3, UNKNOWN_FATE = 9;
+const ENDED = [STATE.REFUSED_SELECTION, STATE.INTERRUPTED_SELECTION, STATE.REFUSED_COMMAND, STATE.EXECUTED_COMMAND];
+const NOT_SENT = { [RESULT.OUT_OF_RANGE]: "out_of_range", [RESULT.BUSY]: "busy" };
 const CHOICES = { single: [0, 1], double: [1, 2], step: [-1, 1] };
 
 // How it ended: {kind, head, more}
 export function fate(command) {
-  if (command.state === EXECUTED) return { kind: "good", head: t("fate_done"), more: t("fate_done_more") };
-  if (command.result === UNKNOWN_FATE) return { kind: "old", head: t("fate_unknown"), more: t("fate_unknown_more") };
-  if (command.result === TIMEOUT) return { kind: "old", head: t("fate_timeout"), more: t("fate_timeout_more") };
-  if (command.result === REFUSED) return { kind: "bad", head: t("fate_refused"), more: t("fate_refused_more", { cause: command.cause }) };
-  if (command.state === INTERRUPTED) return { kind: "none", head: t("fate_cancelled"), more: t("fate_cancelled_more") };
-  return { kind: "bad", head: t("fate_not_sent"), more: t(command.result === 7 ? "out_of_range" : command.result === 65 ? "busy" : "not_up") };
+  if (command.state === STATE.EXECUTED_COMMAND) return { kind: "good", head: t("fate_done"), more: t("fate_done_more") };
+  if (command.result === RESULT.UNKNOWN_FATE) return { kind: "old", head: t("fate_unknown"), more: t("fate_unknown_more") };
+  if (command.result === RESULT.TIMEOUT) return { kind: "old", head: t("fate_timeout"), more: t("fate_timeout_more") };
+  if (command.result === RESULT.EXCEPTION) return { kind: "bad", head: t("fate_refused"), more: t("fate_refused_more", { cause: command.cause }) };
+  if (command.state === STATE.INTERRUPTED_SELECTION) return { kind: "none", head: t("fate_cancelled"), more: t("fate_cancelled_more") };
+  return { kind: "bad", head: t("fate_not_sent"), more: t(NOT_SENT[command.result] ?? "not_up") };
 }
 
 export function stateText(command) {
   if (ENDED.includes(command.state)) return fate(command).head;
   const steps = {
-    [SELECTION]: "step_selecting", [ACCEPTED]: "step_selected", [INTERRUPTION]: "step_cancelling", [EXECUTION]: "step_execution",
+    [STATE.SELECTION_REQUEST]: "step_selecting", [STATE.ACCEPTED_SELECTION]: "step_selected",
+    [STATE.INTERRUPTION_REQUEST]: "step_cancelling", [STATE.EXECUTION_REQUEST]: "step_execution",
   };
   return t(steps[command.state] ?? "step_executing");
 }
@@ -96,7 +96,7 @@ export function commandDialogue(pointId) {
     if (command && (next.id !== command.id || next.changed < command.changed || next.state === command.state || ENDED.includes(command.state))) return;
     command = next;
     step(stateText(command), command.changed);
-    if (command.state === ACCEPTED) end.replaceChildren(h("div", { class: "muted" }, t(command.release ? "wait_release" : "still_selected")));
+    if (command.state === STATE.ACCEPTED_SELECTION) end.replaceChildren(h("div", { class: "muted" }, t(command.release ? "wait_release" : "still_selected")));
     else if (ENDED.includes(command.state)) end.replaceChildren(outcome(fate(command)));
     else end.replaceChildren();
     if (left) leave();
@@ -104,8 +104,8 @@ export function commandDialogue(pointId) {
 
   // Escape leaves no selection behind, nor one whose answer is yet to come.
   function leave() {
-    if (command?.state === ACCEPTED) live.ask(`commands/${command.id}/cancel`, {}).catch(() => {});
-    else if (busy || command?.state === SELECTION) return;
+    if (command?.state === STATE.ACCEPTED_SELECTION) live.ask(`commands/${command.id}/cancel`, {}).catch(() => {});
+    else if (busy || command?.state === STATE.SELECTION_REQUEST) return;
     unwatch();
   }
 
@@ -113,7 +113,7 @@ export function commandDialogue(pointId) {
     const point = live.points.get(pointId) ?? first;
     const { kind, word } = quality(point);
     fill(now, `${valueText(point)}${kind}${word}`, () => [h("strong", {}, `${valueText(point)} ${point.unit}  `), state(kind, word)]);
-    const selected = command?.state === ACCEPTED;
+    const selected = command?.state === STATE.ACCEPTED_SELECTION;
     const running = command && !ENDED.includes(command.state) && !selected;
     const ended = command && ENDED.includes(command.state);
     for (const each of choice.children) each.disabled = Boolean(command);
@@ -130,7 +130,7 @@ export function commandDialogue(pointId) {
     else doing("commands", { point: pointId, value });
   });
   cancel.addEventListener("click", () => {
-    if (command?.state === ACCEPTED) doing(`commands/${command.id}/cancel`, {});
+    if (command?.state === STATE.ACCEPTED_SELECTION) doing(`commands/${command.id}/cancel`, {});
     else dialog.close();
   });
   dialog.addEventListener("cancel", () => {

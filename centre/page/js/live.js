@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // What the centre says, and asking it. The tables hold what the view shows, by id.
+import { ROLES } from "./codes.js";
 
 export const session = { user: "", role: "", csrf: "" };
 export const stations = new Map();
@@ -39,8 +40,7 @@ export function now() {
 }
 
 export function may(role) {
-  const roles = ["viewer", "operator", "engineer"];
-  return roles.indexOf(session.role) >= roles.indexOf(role);
+  return ROLES.indexOf(session.role) >= ROLES.indexOf(role);
 }
 
 // Calls back with what changed: {whole, points: [...], gone, stations, alarms, commands}. Returns what ends it.

@@ -2,6 +2,7 @@
 // The frame: log in, the head, and which view is shown. The address says which one: #map, #points/3, ...
 import { reason, showAccount } from "./account.js";
 import { showAlarms } from "./alarms.js";
+import { STATE } from "./codes.js";
 import { h, setText } from "./dom.js";
 import * as live from "./live.js";
 import { showMap } from "./map.js";
@@ -12,7 +13,6 @@ import { chosen, LANGUAGES, speak, t, time } from "./words.js";
 
 const VIEWS = { map: showMap, points: showPoints, alarms: showAlarms, stations: showStations, users: showUsers };
 const NEEDS = { users: "engineer" }; // all others are for everybody
-const ACCEPTED = 2; // state of a command
 let leave = () => {};
 
 function theme(name) {
@@ -123,7 +123,7 @@ function frame() {
   };
   const state = () => {
     const { connected, collects, fault } = live.centre;
-    const waits = [...live.commands.values()].filter((command) => command.release && command.state === ACCEPTED && command.user !== live.session.user);
+    const waits = [...live.commands.values()].filter((command) => command.release && command.state === STATE.ACCEPTED_SELECTION && command.user !== live.session.user);
     release.hidden = !waits.length || !live.may("operator");
     setText(release, t("waits_release", { n: waits.length, by: waits[0]?.user }));
     const text = !connected ? t("disconnected") : fault ? t("store_fault", { fault }) : !collects ? t("no_collector") : "";

@@ -1,21 +1,28 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The stations: is the link up, since when, why not; what has come.
+import { CLOSING, LINK } from "./codes.js";
 import { fill, h, Rows, setText, state } from "./dom.js";
 import * as live from "./live.js";
 import { empty } from "./points.js";
-import { stationState, UP } from "./quality.js";
+import { stationState } from "./quality.js";
 import { showTrace } from "./trace.js";
 import { age, ahead, t, time } from "./words.js";
 
-// enum iec104_closing, and the errno of a connection that was never made.
-const REASONS = ["", "not an APDU", "ASDU too short", "N(S) out of sequence", "N(R) never sent", "I frame while stopped", "t1: I frame", "t1: TESTFR",
-  "too many requests", "taken over", "gave way", "not secure", "no longer allowed", "closed by the station", "closed by the centre", "t1: STARTDT", "started by the station"];
+// Why a session ended; and the errno of a connection that was never made.
+const REASONS = {
+  [CLOSING.BAD_APDU]: "not an APDU", [CLOSING.BAD_ASDU]: "ASDU too short", [CLOSING.BAD_NS]: "N(S) out of sequence",
+  [CLOSING.BAD_NR]: "N(R) never sent", [CLOSING.I_WHILE_STOPPED]: "I frame while stopped", [CLOSING.T1_I_FRAME]: "t1: I frame",
+  [CLOSING.T1_TESTFR]: "t1: TESTFR", [CLOSING.UNREAD_ANSWERS]: "too many requests", [CLOSING.TAKEN_OVER]: "taken over",
+  [CLOSING.GAVE_WAY]: "gave way", [CLOSING.NOT_SECURE]: "not secure", [CLOSING.NOT_AS_BEFORE]: "no longer allowed",
+  [CLOSING.CLOSED_BY_PEER]: "closed by the station", [CLOSING.CLOSED_BY_STATION]: "closed by the centre",
+  [CLOSING.T1_STARTDT]: "t1: STARTDT", [CLOSING.STARTED_BY_PEER]: "started by the station",
+};
 const ERRORS = { 111: "connection refused", 110: "timed out", 113: "no route to host", 101: "network unreachable", 104: "connection reset" };
 
 const CLOCK_WRONG_MS = 5000;
 
 function reason(station) {
-  if (station.link === UP || !station.link) return "";
+  if (station.link === LINK.UP || !station.link) return "";
   return station.reason ? REASONS[station.reason] ?? String(station.reason) : ERRORS[station.error] ?? (station.error ? `errno ${station.error}` : "");
 }
 
@@ -62,7 +69,7 @@ export function showStations(main) {
         fill(clock, `${station.clock}`, () => (wrong ? state("old", ahead(station.clock)) : [ahead(station.clock)]));
         setText(records, String(station.records));
         setText(sessions, String(station.sessions));
-        const can = station.link === UP && live.may("operator");
+        const can = station.link === LINK.UP && live.may("operator");
         const sees = live.may("engineer");
         fill(act, `${can} ${sees}`, () => [
           ...(can ? [h("button", { class: "small", onclick: () => interrogate(id) }, t("interrogate"))] : []),
@@ -75,7 +82,7 @@ export function showStations(main) {
   function update() {
     const words = search.value.toLocaleLowerCase();
     const found = [...live.stations.values()].filter((each) => `${each.name} ${each.group}`.toLocaleLowerCase().includes(words));
-    found.sort((a, b) => (a.link === UP) - (b.link === UP) || a.name.localeCompare(b.name, undefined, { numeric: true }));
+    found.sort((a, b) => (a.link === LINK.UP) - (b.link === LINK.UP) || a.name.localeCompare(b.name, undefined, { numeric: true }));
     rows.show(found.map((station) => [station.id, station]));
     table.hidden = !found.length;
     const why = found.length || !live.centre.connected ? "" : live.stations.size ? "nothing_found" : "no_stations";

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The frames of a station, as they come and go; the centre keeps them as long as a page asks.
+import { FRAMES_MOST } from "./codes.js";
 import { h, setText } from "./dom.js";
 import * as live from "./live.js";
 import { t } from "./words.js";
 
 const PERIOD_MS = 1000;
-const FRAMES_MOST = 500;
 
 function clock(ms) {
   return new Date(ms).toISOString().slice(11, 23);

@@ -2,12 +2,11 @@
 // For an engineer: who may what, and who did what.
 import { reason } from "./account.js";
 import { list } from "./alarms.js";
+import { AUDITED, ROLES } from "./codes.js";
 import { h, setText, state, tabs } from "./dom.js";
 import * as live from "./live.js";
 import { t, time } from "./words.js";
 
-const ROLES = ["viewer", "operator", "engineer"]; // the last one sees all stations
-const KINDS = ["commands", "alarms", "stations", "exports", "logins", "users"];
 const SPANS = { last_day: 1, last_week: 7, last_month: 30, all_time: 0 }; // days; 0: from the beginning
 const DAY_MS = 86400000;
 
@@ -112,7 +111,7 @@ function auditTable(place) {
   const names = h("datalist", { id: "who" });
   const who = h("input", { type: "search", list: "who", placeholder: t("user_name"), "aria-label": t("user_name") });
   const station = choice("station", [["", t("scope_all")]]);
-  const kind = choice("action", [["", t("all_kinds")], ...KINDS.map((each) => [each, t(each)])]);
+  const kind = choice("action", [["", t("all_kinds")], ...AUDITED.map((each) => [each, t(each)])]);
   const span = choice("time", Object.entries(SPANS).map(([key, days]) => [days, t(key)]));
   const file = h("a", { download: "" }, "CSV");
   span.value = String(SPANS.last_month);

@@ -1,0 +1,287 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The numbers that C shares with Python, JavaScript, the MIB and the pages: C's are the source.
+
+codes.py [TREE]: writes what is made from them into the tree, and names each file that changed.
+tests/test_codes.py compares.
+"""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+import sys
+import textwrap
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+SRC = "package/openrtu/src/"
+CODES, RECORDS, ASDU = SRC + "map/codes.h", SRC + "centre/records.h", SRC + "iec104/asdu.h"
+INFORMATION, SESSION = SRC + "iec104/information.h", SRC + "iec104/session.h"
+MADE = "Made by `make codes` from the headers of C; do not edit."
+
+ROW = re.compile(r'ROW\((\w+), (?:(\w+), )?"([^"]*)"')
+WHY = re.compile(r"/\* (.*?) \*/")
+ENUMERATOR = re.compile(r"(\w+)(?: = ([^,/]+))?,? *(?:/\* (.*?) \*/)?")
+MIB_WORDS = {"timeout": "timeOut", "float": "shortFloat"}  # by the word that its name would give
+MIB_WIDTH, MIB_INDENT = 72, 20
+BCR_BITS = {"carry": 0x04, "adjusted": 0x02}  # of a counter's reading: RtuQuality has them, too
+
+
+@dataclass(frozen=True)
+class Code:
+    name: str  # without what all of its table begin with
+    number: int
+    words: str = ""
+    why: str = ""
+
+
+Table = list[Code]
+POSITION = Code("POSITION", 100)  # the centre's own content: a record of that kind
+
+
+class Tree:
+    """Reads C, and writes what is made from it."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.changed: list[str] = []
+
+    def read(self, path: str) -> str:
+        return (self.root / path).read_text(encoding="utf-8")
+
+    def write(self, path: str, text: str) -> None:
+        file = self.root / path
+        if not file.exists() or file.read_text(encoding="utf-8") != text:
+            file.write_text(text, encoding="utf-8")
+            self.changed.append(path)
+
+    def rows(self, macro: str, prefix: str = "MAP_") -> Table:
+        """Of codes.h; a row without a number has that of its place."""
+        begin = self.read(CODES).split(f"#define {macro}(ROW)")[1].split("\n\n")[0]
+        table: Table = []
+        for part in begin.split("\tROW")[1:]:
+            found, why = ROW.match("ROW" + part), WHY.search(part)
+            if not found:
+                raise SystemExit(f"{CODES}: {macro}: this row is none: {part.strip()}")
+            name, number, words = found.groups()
+            value = int(number, 0) if number else len(table)
+            table.append(Code(name.removeprefix(prefix), value, words, why[1] if why else ""))
+        return table
+
+    def enumeration(self, path: str, enum: str, prefix: str) -> Table:
+        body = re.search(rf"enum {enum} \{{\n(.*?)\n\}};", self.read(path), re.DOTALL)
+        if not body:
+            raise SystemExit(f"{path}: no enum {enum}")
+        table: Table = []
+        for line in body[1].splitlines():
+            found = ENUMERATOR.match(line.strip())
+            if found:
+                name, value, why = found.groups()
+                number = _number(value) if value else table[-1].number + 1 if table else 0
+                table.append(Code(name.removeprefix(prefix), number, why=why or ""))
+        return table
+
+    def constant(self, path: str, name: str) -> Any:
+        """What a module of Python gives a name."""
+        for node in ast.parse(self.read(path)).body:
+            if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == name:
+                return ast.literal_eval(node.value)
+        raise SystemExit(f"{path}: no {name}")
+
+
+def _number(text: str) -> int:
+    """8, 0x08 and 1u << 3."""
+    base, _, shift = text.replace("u", "").partition("<<")
+    return int(base, 0) << int(shift or "0", 0)
+
+
+# ---- Python --------------------------------------------------------------------------------------
+
+
+def _shown(code: Code, hexadecimal: bool) -> str:
+    return f"0x{code.number:02X}" if hexadecimal else str(code.number)
+
+
+def _class(name: str, text: str, table: Table, base: str = "IntEnum") -> str:
+    lines = [f"class {name}({base}):", f'    """{text}"""', ""]
+    for code in table:
+        line = f"    {code.name} = {_shown(code, base == 'IntFlag')}"
+        lines.append(f"{line}  # {code.why}" if code.why else line)
+    return "\n".join(lines) + "\n"
+
+
+def _constants(text: str, table: Table) -> str:
+    return f"# {text}\n" + "".join(f"{code.name} = {_shown(code, True)}\n" for code in table)
+
+
+def _without_why(table: Table) -> Table:
+    return [replace(code, why="") for code in table]
+
+
+def _contents(tree: Tree) -> Table:
+    return [*_without_why(tree.enumeration(INFORMATION, "iec104_content", "IEC104_")), POSITION]
+
+
+def _python(text: str, bases: str, parts: list[str]) -> str:
+    head = (
+        f'# SPDX-License-Identifier: GPL-3.0-or-later\n"""{text}\n\n{MADE}\n"""\n\nfrom enum import {bases}\n'
+    )
+    return head + ("\n" if parts[0].startswith("#") else "\n\n") + "\n\n".join(parts)
+
+
+def library(tree: Tree) -> str:
+    """openrtu/codes.py: of a module in Python."""
+    qualities = [Code("GOOD", 0), *_without_why(tree.rows("MAP_QUALITIES"))[::-1]]
+    return _python(
+        "The numbers of a module: qualities, states and results of commands, levels of the log.",
+        "IntEnum, IntFlag",
+        [
+            _class(
+                "Quality",
+                "What is wrong with a value; the bits of IEC 60870-5-101, 7.2.6.3. 0 is good.",
+                qualities,
+                "IntFlag",
+            ),
+            _class("Level", "How bad a line of the log is.", tree.rows("MAP_LOG_LEVELS", "MAP_LOG_")),
+            _class("State", "The ten states of a command.", tree.rows("MAP_COMMAND_STATES")),
+            _class(
+                "Result",
+                "Why a command is in its state.",
+                tree.rows("MAP_COMMAND_RESULTS", "MAP_RESULT_"),
+            ),
+        ],
+    )
+
+
+def centre(tree: Tree) -> str:
+    """centre/codes.py: of what rtu-centre says."""
+
+    def enumeration(name: str, text: str, path: str, enum: str, prefix: str) -> str:
+        return _class(name, text, _without_why(tree.enumeration(path, enum, prefix)))
+
+    results = tree.rows("MAP_COMMAND_RESULTS", "MAP_RESULT_")
+    own = tree.enumeration(RECORDS, "centre_result", "CENTRE_")
+    flags = _constants("Flags of a record.", tree.enumeration(RECORDS, "centre_flag", "CENTRE_"))
+    asked = _constants("Flags of a command.", tree.enumeration(RECORDS, "centre_request_flag", "CENTRE_"))
+    qualities = _constants("What is wrong with a value: bits.", tree.rows("MAP_QUALITIES"))
+    types = "".join(f'    "{code.words}": {code.number},\n' for code in tree.rows("MAP_TYPE_ROWS"))
+    return _python(
+        "The numbers of what rtu-centre says and is asked: docs/centre.md.",
+        "IntEnum",
+        [
+            f"{flags}\n{asked}\n{qualities}\n# Types of points, by their word.\nTYPES = {{\n{types}}}\n",
+            enumeration("Kind", "Of a record.", RECORDS, "centre_kind", "CENTRE_"),
+            enumeration("Link", "Of a station.", RECORDS, "centre_link", "CENTRE_"),
+            _class("State", "The ten states of a command.", tree.rows("MAP_COMMAND_STATES")),
+            _class("Result", "Why a command has its state.", _without_why([*results, *own])),
+            enumeration("Ask", "What rtu-centre is asked.", RECORDS, "centre_request_kind", "CENTRE_"),
+            _class("Content", "Of an object, or a place.", _contents(tree)),
+            enumeration("Cause", "Of transmission.", ASDU, "iec104_cause", "IEC104_"),
+        ],
+    )
+
+
+# ---- JavaScript ----------------------------------------------------------------------------------
+
+
+def page(tree: Tree) -> str:
+    """centre/page/js/codes.js: the same, and what the centre's own modules say."""
+    results = tree.rows("MAP_COMMAND_RESULTS", "MAP_RESULT_")
+    tables = {
+        "QUALITY": tree.rows("MAP_QUALITIES"),
+        "LINK": tree.enumeration(RECORDS, "centre_link", "CENTRE_"),
+        "CLOSING": tree.enumeration(SESSION, "iec104_closing", "IEC104_"),
+        "CONTENT": _contents(tree),
+        "CAUSE": tree.enumeration(ASDU, "iec104_cause", "IEC104_"),
+        "STATE": tree.rows("MAP_COMMAND_STATES"),
+        "RESULT": [*results, *tree.enumeration(RECORDS, "centre_result", "CENTRE_")],
+    }
+    constants = {
+        "ALARM_KINDS": tree.constant("centre/model.py", "ALARM_KINDS"),
+        "AUDITED": list(tree.constant("centre/api.py", "AUDITED")),
+        "ROLES": tree.constant("centre/roles.py", "ROLES"),
+        "SCOPES": tree.constant("centre/roles.py", "SCOPES"),
+        "IDS_MOST": tree.constant("centre/api.py", "IDS_MOST"),
+        "CHART_ROWS": tree.constant("centre/api.py", "CHART_ROWS"),
+        "FRAMES_MOST": tree.constant("centre/trace.py", "FRAMES_MOST"),
+        "TOKEN_DAYS_MOST": tree.constant("centre/accounts.py", "TOKEN_DAYS_MOST"),
+    }
+    lines = [
+        "// SPDX-License-Identifier: GPL-3.0-or-later",
+        f"// {MADE}",
+        "// Of a quality, the worst bit comes first.",
+    ]
+    for name, table in tables.items():
+        lines += [f"export const {name} = {{", *(f"  {code.name}: {code.number}," for code in table), "};"]
+    lines.append("// Of the centre's own modules.")
+    lines += [f"export const {name} = {json.dumps(value)};" for name, value in constants.items()]
+    return "\n".join(lines) + "\n"
+
+
+# ---- the MIB -------------------------------------------------------------------------------------
+
+
+def _mib_word(name: str) -> str:
+    first, *others = name.lower().split("_")
+    word = first + "".join(other.capitalize() for other in others)
+    return MIB_WORDS.get(word, word)
+
+
+def _mib_quality(qualities: Table) -> list[tuple[str, int]]:
+    words = {code.number: _mib_word(code.name) for code in qualities}
+    words |= {bit: word for word, bit in BCR_BITS.items()}
+    return [(words.get(0x80 >> place, "reserved"), place) for place in range(8)]
+
+
+def mib(tree: Tree) -> str:
+    text = tree.read(SRC + "snmp/OPENRTU-MIB.txt")
+
+    def numbered(table: Table) -> list[tuple[str, int]]:
+        return [(_mib_word(code.name), code.number + 1) for code in table]
+
+    syntaxes = {
+        "RtuInformationType": ("INTEGER", numbered(tree.rows("MAP_TYPE_ROWS"))),
+        "RtuQuality": ("BITS", _mib_quality(tree.rows("MAP_QUALITIES"))),
+        "RtuCommandPhase": ("INTEGER", numbered(tree.rows("MAP_COMMAND_STATES"))),
+        "RtuCommandReason": ("INTEGER", numbered(tree.rows("MAP_COMMAND_RESULTS", "MAP_RESULT_"))),
+    }
+    for name, (syntax, words) in syntaxes.items():
+        listed = ", ".join(f"{word}({number})" for word, number in words)
+        wrapped = textwrap.fill(
+            f"SYNTAX      {syntax} {{ {listed} }}",
+            MIB_WIDTH,
+            initial_indent=" " * 4,
+            subsequent_indent=" " * MIB_INDENT,
+        )
+        text = re.sub(
+            rf"({name} ::= TEXTUAL-CONVENTION\n.*?\n)    SYNTAX[^}}]*}}",
+            rf"\g<1>{wrapped}",
+            text,
+            count=1,
+            flags=re.DOTALL,
+        )
+    return text
+
+
+MAKERS: dict[str, Callable[[Tree], str]] = {
+    "package/openrtu/python/openrtu/codes.py": library,
+    "centre/codes.py": centre,
+    "centre/page/js/codes.js": page,
+    SRC + "snmp/OPENRTU-MIB.txt": mib,
+}
+
+
+def make(root: Path) -> list[str]:
+    """Writes all that is made; the files that changed."""
+    tree = Tree(root)
+    for path, maker in MAKERS.items():
+        tree.write(path, maker(tree))
+    return tree.changed
+
+
+if __name__ == "__main__":
+    for changed in make(Path(sys.argv[1] if len(sys.argv) > 1 else ".")):
+        print(changed)

@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A number that C, Python, JavaScript and the MIB share is a row of one table: scripts/codes.py."""
+
+import re
+from pathlib import Path
+
+from codes import MAKERS, Tree
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = ROOT / "centre" / "page" / "js"
+# A bare number where a name is to be had.
+BARE = re.compile(r"\.(link|state|result|content|cause|quality|reason)\s*(===|!==|&)\s*\d")
+
+
+def test_what_is_made_is_as_c_has_it() -> None:
+    tree = Tree(ROOT)
+    for path, made in MAKERS.items():
+        assert made(tree) == tree.read(path), f"{path}: type `make codes`"
+
+
+def test_the_page_says_names() -> None:
+    found = [
+        f"{script.name}: {line.strip()}"
+        for script in sorted(PAGE.glob("*.js"))
+        for line in script.read_text(encoding="utf-8").splitlines()
+        if BARE.search(line)
+    ]
+    assert not found
