@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the tests of the control centre share."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -47,6 +48,17 @@ def postgresql() -> Iterator[Server]:
 def server(request: pytest.FixtureRequest) -> Server | None:
     """A server of PostgreSQL, or None: SQLite."""
     return request.getfixturevalue("postgresql") if request.param == "postgresql" else None
+
+
+@pytest.fixture(scope="module")
+def of_north(programs: Path, north: Station, tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Site]:
+    """Makes a centre of that station alone, which is yet to start; the words are Site's."""
+
+    def make(**keys: Any) -> Site:
+        folder = tmp_path_factory.mktemp("site")
+        return Site(programs, folder, [described(north, folder)], **keys)
+
+    return make
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,7 @@
 
 import re
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pyotp
@@ -11,9 +11,8 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
 from browser import LIMIT_MS, chromium, log_in
-from control_room import PASSWORD, Site, Stations, described
+from control_room import PASSWORD, Site
 from lab.centre_client import AnswerError, Client
-from lab.vehicles import Station
 
 pytestmark = pytest.mark.slow
 
@@ -23,12 +22,9 @@ expect.set_options(timeout=LIMIT_MS)
 
 
 @pytest.fixture(scope="module")
-def site(
-    programs: Path, stations: Stations, north: Station, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[Site]:
+def site(of_north: Callable[..., Site]) -> Iterator[Site]:
     assert PAGE.is_dir(), "the page is not built: make centre-page"
-    folder = tmp_path_factory.mktemp("account")
-    with Site(programs, folder, [described(north, folder)], PAGE) as started:
+    with of_north(page=PAGE) as started:
         yield started
 
 

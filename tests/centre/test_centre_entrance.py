@@ -9,7 +9,7 @@ import socket
 import ssl
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -27,12 +27,9 @@ HALF = b"GET / HTTP/1.1\r\nHost: x\r\nX-a: "
 
 
 @pytest.fixture(scope="module")
-def site(
-    programs: Path, stations: Stations, north: Station, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[Site]:
+def site(of_north: Callable[..., Site]) -> Iterator[Site]:
     """A service that may open few files."""
-    folder = tmp_path_factory.mktemp("entrance")
-    made = Site(programs, folder, [described(north, folder)])
+    made = of_north()
     made.before = ["prlimit", f"--nofile={FILES // 2}:{FILES}"]
     with made:
         yield made

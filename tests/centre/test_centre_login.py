@@ -7,7 +7,7 @@ import sqlite3
 import stat
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -16,9 +16,8 @@ from typing import Any
 import pyotp
 import pytest
 
-from control_room import PASSWORD, Site, Stations, described, until
+from control_room import PASSWORD, Site, until
 from lab.centre_client import AnswerError, Client
-from lab.vehicles import Station
 from openrtu_tools.centre import peers, second, tries
 from openrtu_tools.centre.login import OF_BOTH, OF_CODE, PLACES
 from openrtu_tools.centre.roles import SCOPES
@@ -32,17 +31,9 @@ CONFIRMED = {"own_password": PASSWORD}
 
 
 @pytest.fixture(scope="module")
-def site(
-    programs: Path,
-    stations: Stations,
-    north: Station,
-    server: Server | None,
-    tmp_path_factory: pytest.TempPathFactory,
-) -> Iterator[Site]:
+def site(of_north: Callable[..., Site], server: Server | None) -> Iterator[Site]:
     """Behind a proxy on 127.0.0.9."""
-    folder = tmp_path_factory.mktemp("login")
-    centre = {"proxies": ["127.0.0.9", "203.0.113.0/28"]}
-    with Site(programs, folder, [described(north, folder)], server=server, centre=centre) as started:
+    with of_north(server=server, centre={"proxies": ["127.0.0.9", "203.0.113.0/28"]}) as started:
         yield started
 
 

@@ -3,7 +3,6 @@
 
 import asyncio
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import aiohttp
@@ -12,9 +11,8 @@ import pytest
 import schemathesis
 from hypothesis import strategies as st
 
-from control_room import PASSWORD, Site, Stations, described
+from control_room import PASSWORD, Site
 from lab.centre_client import Client
-from lab.vehicles import Station
 from openrtu_tools.centre.api import document
 from postgres import Server
 
@@ -29,15 +27,8 @@ VALUES = [*TEXTS, "\ud800", 2**63, 10**400, -1, 1e308, 0.1, [], {}, None, True, 
 
 
 @pytest.fixture(scope="module")
-def site(
-    programs: Path,
-    stations: Stations,
-    north: Station,
-    server: Server | None,
-    tmp_path_factory: pytest.TempPathFactory,
-) -> Iterator[Site]:
-    folder = tmp_path_factory.mktemp("nonsense")
-    with Site(programs, folder, [described(north, folder)], server=server) as started:
+def site(of_north: Callable[..., Site], server: Server | None) -> Iterator[Site]:
+    with of_north(server=server) as started:
         yield started
 
 
