@@ -39,7 +39,7 @@ async def put_user(asked: Asked) -> Json:
     password, groups = body.get("password"), body.get("groups", [])
 
     def put(database: Database) -> None:
-        users.still(database, asked.session)
+        asked.session.still(database)
         users.put(database, name, role, password, by, groups, disabled)
 
     await asked.centre.store.write(put)
@@ -53,7 +53,7 @@ async def remove_user(asked: Asked) -> Json:
 
     def remove(database: Database) -> None:
         """Of two who remove each other one stays."""
-        users.still(database, asked.session)
+        asked.session.still(database)
         users.remove(database, name, by)
 
     await asked.centre.store.write(remove)
@@ -88,8 +88,10 @@ async def sessions(asked: Asked) -> list[Json]:
 
 async def end_session(asked: Asked) -> Json:
     """One that is gone meanwhile is a refusal: whoever ends it wants to know."""
-    user, by = _whose(asked), asked.session.user
-    await asked.centre.store.write(lambda database: users.end_one(database, user, asked.path["id"], by))
+    user = _whose(asked)
+    await asked.centre.store.write(
+        lambda database: users.end_one(database, user, asked.path["id"], asked.session)
+    )
     return {}
 
 
@@ -107,7 +109,7 @@ async def token(asked: Asked) -> Json:
     wanted = users.Wanted(body["days"] * DAY_S, asked.address, body["label"], body["scope"])
 
     def begin(database: Database) -> str:
-        users.still(database, asked.session)
+        asked.session.still(database)
         return users.begin(database, asked.session.user, wanted)
 
     return {"token": await asked.centre.store.write(begin)}
@@ -138,7 +140,7 @@ async def end_second_factor(asked: Asked) -> Json:
     user = asked.session.user
 
     def end(database: Database) -> None:
-        users.still(database, asked.session)
+        asked.session.still(database)
         row = users.row_of(database, user)
         assert row
         if row["totp"]:
@@ -156,7 +158,7 @@ async def drop_second_factor(asked: Asked) -> Json:
         raise RefusedError(409, "yourself", "another engineer must do that")
 
     def drop(database: Database) -> None:
-        users.still(database, asked.session)
+        asked.session.still(database)
         second.end(database, name, by)
 
     await asked.centre.store.write(drop)

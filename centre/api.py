@@ -312,19 +312,19 @@ def _alarm_id(asked: Asked) -> int:
 
 
 async def acknowledge(asked: Asked) -> Json:
-    return (await asked.centre.acknowledge(asked.session.user, _alarm_id(asked))).view()
+    return (await asked.centre.acknowledge(asked.session, _alarm_id(asked))).view()
 
 
 async def acknowledge_many(asked: Asked) -> Json:
     """Of those that somebody else was first with, or that are not there for the user, nothing is said."""
     known = asked.centre.model.alarms
     ids = [id_ for id_ in asked.body["ids"] if id_ in known and asked.sees(known[id_].station)]
-    return {"acknowledged": await asked.centre.acknowledge_many(asked.session.user, ids)}
+    return {"acknowledged": await asked.centre.acknowledge_many(asked.session, ids)}
 
 
 async def shelve(asked: Asked) -> Json:
     minutes, why = asked.body["minutes"], asked.body.get("why", "")
-    return (await asked.centre.shelve(asked.session.user, _alarm_id(asked), minutes, why)).view()
+    return (await asked.centre.shelve(asked.session, _alarm_id(asked), minutes, why)).view()
 
 
 async def commands(asked: Asked) -> list[Json]:
@@ -349,7 +349,7 @@ async def command(asked: Asked) -> Json:
     if not math.isfinite(value):
         raise RefusedError(400, "form", "value: a finite number is needed")
     point = asked.point(asked.body["point"])
-    return (await asked.centre.command(asked.session.user, point.id, value)).view()
+    return (await asked.centre.command(asked.session, point.id, value)).view()
 
 
 async def _follow(asked: Asked, execute: bool) -> Json:
@@ -358,7 +358,7 @@ async def _follow(asked: Asked, execute: bool) -> Json:
     command = asked.centre.model.commands.get(id_)
     if command:
         asked.point(command.point)
-    return (await asked.centre.follow(asked.session.user, id_, execute)).view()
+    return (await asked.centre.follow(asked.session, id_, execute)).view()
 
 
 async def execute(asked: Asked) -> Json:
@@ -371,12 +371,12 @@ async def cancel(asked: Asked) -> Json:
 
 async def interrogate(asked: Asked) -> Json:
     station = asked.station(_id(asked))
-    return {"common_addresses": await asked.centre.interrogate(asked.session.user, station.id)}
+    return {"common_addresses": await asked.centre.interrogate(asked.session, station.id)}
 
 
 async def trace(asked: Asked) -> Any:
     station = asked.station(_id(asked))
-    return await asked.centre.trace(asked.session.user, station.id, _asked(asked, "after", 0))
+    return await asked.centre.trace(asked.session, station.id, _asked(asked, "after", 0))
 
 
 async def audited(asked: Asked) -> Any:

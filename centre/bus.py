@@ -24,10 +24,10 @@ from openrtu_tools.centre.centre import Centre
 from openrtu_tools.centre.errors import CentreError, RefusedError
 from openrtu_tools.centre.model import NS_PER_MS, Changes, Json
 from openrtu_tools.centre.settings import Mqtt
+from openrtu_tools.centre.store import Database
 
 log = logging.getLogger("centre")
 
-USER = "mqtt"  # in the audit
 KEEPALIVE_S = 15  # a broker tells of our death after one and a half of these
 RETRY_S, RETRY_MOST_S = 1, 30
 AT_ONCE = 500  # messages that the broker has not confirmed
@@ -57,6 +57,8 @@ class Bus:
     What the broker has not been told is bounded, however slow it is or gone: ids, no messages. With each
     connection it is told all.
     """
+
+    user = "mqtt"  # in the audit
 
     def __init__(self, centre: Centre, settings: Mqtt) -> None:
         self.centre = centre
@@ -186,6 +188,9 @@ class Bus:
         octets = b"" if content is None else json.dumps(content).encode()
         self._sent.append(self.client.publish(topic, octets, LEAST_ONCE, retain=keep))
 
+    def still(self, database: Database) -> None:
+        """The file lets it command, as long as the centre runs."""
+
     # ---- what the broker says: in paho's thread -------------------------------------------------
 
     def _in_loop(self, work: Callable[..., Any], *values: Any) -> None:
@@ -275,7 +280,7 @@ class Bus:
                 value = request.get("value")
                 if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
                     raise RefusedError(400, "form", "value: a finite number is needed")
-                answer = {"command": (await self.centre.command(USER, self._point(request), float(value))).id}
+                answer = {"command": (await self.centre.command(self, self._point(request), float(value))).id}
         except CentreError as error:
             answer = {"code": error.code if isinstance(error, RefusedError) else "store", "error": str(error)}
         await self._publish(self.topic("answer"), {"id": asked, **answer}, False)
@@ -283,9 +288,9 @@ class Bus:
     async def _follow(self, id_: Any, execute: bool) -> None:
         """Only its own: it is no second person for those of others."""
         command = self.centre.model.commands.get(id_) if isinstance(id_, int) else None
-        if not command or command.user != USER:
+        if not command or command.user != self.user:
             raise RefusedError(403, "not_yours", f"{id_} is no open command of the bus")
-        await self.centre.follow(USER, command.id, execute)
+        await self.centre.follow(self, command.id, execute)
 
     def _point(self, request: Json) -> int:
         model = self.centre.model

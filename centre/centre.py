@@ -46,6 +46,16 @@ class Watcher(Protocol):
     def changed(self, changes: Changes, linked: set[int]) -> None: ...
 
 
+class Person(Protocol):
+    """Who does something: a session, or a program that the file lets in."""
+
+    @property
+    def user(self) -> str: ...
+
+    def still(self, database: Database) -> None:
+        """Raises RefusedError unless it may yet: part of the transaction that does it."""
+
+
 class Centre:
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
@@ -108,10 +118,11 @@ class Centre:
         slow = f"it has not answered for {SLOW_S:g} s"
         if not done and not self.fault:
             self._say(slow)
-        answer = await task
-        if self.fault == slow:
-            self._say("")
-        return answer
+        try:
+            return await task
+        finally:  # a refusal is an answer, too
+            if self.fault == slow:
+                self._say("")
 
     def _say(self, fault: str) -> None:
         if fault and fault != self.fault:
@@ -275,7 +286,7 @@ class Centre:
         if not station.up:
             raise RefusedError(409, "not_up", f"{station.settings.name} is not connected: nothing was sent")
 
-    async def command(self, user: str, point_id: int, value: float) -> Command:
+    async def command(self, by: Person, point_id: int, value: float) -> Command:
         """Stores and sends a selection, or the command of a point that has none. Never later than now."""
         point = self.point(point_id)
         meaning = point.meaning
@@ -293,7 +304,7 @@ class Centre:
             except (CentreError, ValueError, OverflowError) as error:
                 raise RefusedError(409, "out_of_range", str(error)) from error
         except RefusedError as error:
-            await self._refuse(user, point, value, error)
+            await self._refuse(by.user, point, value, error)
             raise
         release = station.settings.release
         state = State.SELECTION_REQUEST if meaning.selects else State.EXECUTION_REQUEST
@@ -302,7 +313,7 @@ class Centre:
         now_ns = time.time_ns()
         new = Command(
             0,
-            user,
+            by.user,
             point.id,
             value,
             int(meaning.selects),
@@ -316,12 +327,13 @@ class Centre:
 
         def add(database: Database) -> Command:
             """One transaction looks and stores: of two that come at once, one is refused."""
+            by.still(database)
             if self.intake.is_commanded(point.id):
                 raise RefusedError(409, "busy", f"another command of {meaning.name} is not ended")
             audit(
                 database,
                 now_ns,
-                user,
+                by.user,
                 "select" if meaning.selects else "command",
                 f"{meaning.name} = {value:g}",
                 station.id,
@@ -331,7 +343,7 @@ class Centre:
         try:
             command = await self.change(add)
         except RefusedError as error:
-            await self._refuse(user, point, value, error)
+            await self._refuse(by.user, point, value, error)
             raise
         if command.held:
             task = asyncio.create_task(self._expire(command.id))
@@ -372,16 +384,16 @@ class Centre:
             )
             raise
 
-    async def follow(self, user: str, id_: int, execute: bool) -> Command:
+    async def follow(self, by: Person, id_: int, execute: bool) -> Command:
         """Executes or cancels what is selected. Only who selected may; to release it, only somebody else."""
         command = self.model.commands.get(id_)
         if not command or command.state != State.ACCEPTED_SELECTION:
             raise RefusedError(
                 409, "not_selected", f"command {id_} is not selected: it ended, or was executed"
             )
-        if command.release and execute and command.user == user:
+        if command.release and execute and command.user == by.user:
             raise RefusedError(403, "second", f"command {id_} is yours: a second person must release it")
-        if not command.release and command.user != user:
+        if not command.release and command.user != by.user:
             raise RefusedError(403, "not_yours", f"command {id_} was selected by {command.user}")
         point = self.point(command.point)
         station = self.station(point.station)
@@ -393,11 +405,12 @@ class Centre:
             state = State.INTERRUPTED_SELECTION
 
         def put(database: Database) -> Command:
+            by.still(database)
             now = self.intake.model.commands.get(id_)
             if not now or now.state != State.ACCEPTED_SELECTION:
                 raise RefusedError(409, "not_selected", f"command {id_} is not selected any more")
             text = f"{point.meaning.name} = {command.value:g}"
-            audit(database, time.time_ns(), user, action, text, station.id)
+            audit(database, time.time_ns(), by.user, action, text, station.id)
             following = replace(now, state=state, changed_ns=time.time_ns())
             self.intake.put_command(database, following)
             return following
@@ -416,37 +429,52 @@ class Centre:
             )
         return following
 
-    async def interrogate(self, user: str, station_id: int) -> list[int]:
+    async def interrogate(self, by: Person, station_id: int) -> list[int]:
         """A general interrogation of each common address that is known of the station."""
         station = self.station(station_id)
         self._check_up(station)
         addresses = sorted({point.ca for point in self.model.points.values() if point.station == station_id})
-        await self.store.write(
-            lambda database: audit(database, time.time_ns(), user, "interrogate", station=station_id)
-        )
+
+        def note(database: Database) -> None:
+            by.still(database)
+            audit(database, time.time_ns(), by.user, "interrogate", station=station_id)
+
+        await self.store.write(note)
         for ca in addresses:
             await self._send(
                 station, records.request(Ask.INTERROGATE, station.place, ca, next(self._ids), 20)
             )
         return addresses
 
-    async def trace(self, user: str, station_id: int, after: int) -> list[Json]:
+    async def trace(self, by: Person, station_id: int, after: int) -> list[Json]:
         """The frames of a station; it is traced from now on, as long as somebody asks."""
         station = self.station(station_id)
-        for id_ in [id_ for id_, trace in self.traces.items() if trace.left and id_ != station_id]:
-            await self._end_trace(id_)
-        if station_id not in self.traces:
-            if len(self.traces) >= STATIONS_MOST:
-                raise RefusedError(409, "busy", f"{STATIONS_MOST} stations are traced already")
-            self.traces[station_id] = Trace()
-            await self.store.write(
-                lambda database: audit(database, time.time_ns(), user, "trace", station=station_id)
-            )
+        for id_, other in list(self.traces.items()):
+            if other.left and id_ != station_id:
+                await self._end_trace(id_)
+        trace = self.traces.get(station_id) or await self._begin_trace(by, station)
+        return trace.after(after)
+
+    async def _begin_trace(self, by: Person, station: Station) -> Trace:
+        """Its place is taken before anything is awaited; no frame comes before the audit has it."""
+        if len(self.traces) >= STATIONS_MOST:
+            raise RefusedError(409, "busy", f"{STATIONS_MOST} stations are traced already")
+
+        def note(database: Database) -> None:
+            by.still(database)
+            audit(database, time.time_ns(), by.user, "trace", station=station.id)
+
+        trace = self.traces[station.id] = Trace(asked_s=time.monotonic())
+        try:
+            await self.store.write(note)
             await self._send(station, records.trace(station.place, next(self._ids), True))
-            task = asyncio.create_task(self._watch_trace(station_id))
-            self._tasks.add(task)
-            task.add_done_callback(self._tasks.discard)
-        return self.traces[station_id].after(after)
+        except BaseException:
+            self.traces.pop(station.id, None)
+            raise
+        task = asyncio.create_task(self._watch_trace(station.id))
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        return trace
 
     async def _watch_trace(self, station_id: int) -> None:
         while station_id in self.traces and not self.traces[station_id].left:
@@ -468,22 +496,24 @@ class Centre:
             if record.kind == Kind.OCTETS and record.station in by_place:
                 by_place[record.station].take(record)
 
-    async def acknowledge(self, user: str, id_: int) -> Alarm:
+    async def acknowledge(self, by: Person, id_: int) -> Alarm:
         """Who comes second is told who came first."""
 
         def put(database: Database) -> Alarm:
-            return self._acknowledge(database, user, id_)
+            by.still(database)
+            return self._acknowledge(database, by.user, id_)
 
         return await self.change(put)
 
-    async def acknowledge_many(self, user: str, ids: list[int]) -> list[int]:
+    async def acknowledge_many(self, by: Person, ids: list[int]) -> list[int]:
         """Those of them that nobody had acknowledged before. One transaction, however many."""
 
         def put(database: Database) -> list[int]:
+            by.still(database)
             done = []
             for id_ in dict.fromkeys(ids):
                 with suppress(RefusedError):
-                    done.append(self._acknowledge(database, user, id_).id)
+                    done.append(self._acknowledge(database, by.user, id_).id)
             return done
 
         return await self.change(put)
@@ -498,16 +528,17 @@ class Centre:
         self.intake.put_alarm(database, alarm)
         return alarm
 
-    async def shelve(self, user: str, id_: int, minutes: float, why: str) -> Alarm:
+    async def shelve(self, by: Person, id_: int, minutes: float, why: str) -> Alarm:
         """Out of sight for a time; 0 brings it back."""
 
         def put(database: Database) -> Alarm:
+            by.still(database)
             until_ns = time.time_ns() + int(minutes * 60e9) if minutes else 0
             alarm = replace(
                 self._open_alarm(id_), shelved_until_ns=until_ns, shelved_why=why if minutes else ""
             )
             text = f"alarm {id_}: {alarm.kind}, {minutes:g} min{': ' if why else ''}{why}"
-            audit(database, time.time_ns(), user, "shelve", text, alarm.station)
+            audit(database, time.time_ns(), by.user, "shelve", text, alarm.station)
             self.intake.put_alarm(database, alarm)
             return alarm
 

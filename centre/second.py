@@ -13,7 +13,7 @@ import pyotp
 
 from openrtu_tools.centre.errors import RefusedError
 from openrtu_tools.centre.store import Database, Row, audit
-from openrtu_tools.centre.users import Session, still
+from openrtu_tools.centre.users import Session
 
 STEP_S = 30
 AROUND = 1  # steps that a telephone's clock may be off
@@ -77,7 +77,7 @@ def use(database: Database, row: Row, code: str) -> None:
 
 def begin(database: Database, session: Session, secret: str, code: str) -> list[str]:
     """From now on it is asked for. Recovery codes, which nobody can read again."""
-    still(database, session)
+    session.still(database)
     if database.execute("SELECT 1 FROM users WHERE name = ? AND totp <> ''", (session.user,)).fetchone():
         raise RefusedError(409, "second_factor", "you have a second factor already: end it first")
     step = step_of(secret, code.strip(), 0)

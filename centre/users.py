@@ -39,6 +39,16 @@ class Session:
     def may(self, role: str) -> bool:
         return ROLES.index(self.role) >= ROLES.index(role)
 
+    def still(self, database: Database) -> None:
+        """Raises RefusedError unless it is there yet, with its role: it may have ended since."""
+        rows = database.execute(
+            "SELECT sessions.hash, role FROM sessions JOIN users ON users.name = sessions.user"
+            ' WHERE sessions."user" = ? AND expires_s > ? AND disabled = 0',
+            (self.user, now_s()),
+        )
+        if not any(id_of(row["hash"]) == self.id and _least(row["role"], self.role) for row in rows):
+            raise RefusedError(401, "session", "log in: there is no such session, or it has ended")
+
 
 def _hash(password: str, salt: bytes) -> bytes:
     return hashlib.scrypt(password.encode(), salt=salt, **SCRYPT)
@@ -110,7 +120,7 @@ def fresh(password: str) -> tuple[bytes, bytes]:
 
 def change_password(database: Database, session: Session, salt: bytes, hashed: bytes) -> None:
     """One's own. Ends all other sessions and tokens of the user: who knew the old one is out."""
-    still(database, session)
+    session.still(database)
     database.execute("UPDATE users SET salt = ?, hash = ? WHERE name = ?", (salt, hashed, session.user))
     for row in _of_user(database, session.user):
         if id_of(row["hash"]) != session.id:
@@ -200,25 +210,17 @@ def end(database: Database, secret: str) -> None:
     database.execute("DELETE FROM sessions WHERE hash = ?", (hash_secret(secret),))
 
 
-def end_one(database: Database, user: str, id_: str, by: str) -> None:
+def end_one(database: Database, user: str, id_: str, by: Session) -> None:
+    by.still(database)
     for row in _of_user(database, user):
         if id_of(row["hash"]) == id_:
             database.execute("DELETE FROM sessions WHERE hash = ?", (row["hash"],))
             detail = f"{user}: {row['label']}" if row["label"] else user
-            audit(database, time.time_ns(), by, "token ended" if row["label"] else "session ended", detail)
+            audit(
+                database, time.time_ns(), by.user, "token ended" if row["label"] else "session ended", detail
+            )
             return
     raise RefusedError(404, "unknown", "there is no such session or token, or it has ended")
-
-
-def still(database: Database, session: Session) -> None:
-    """Raises RefusedError unless it is there yet, with its role: it may have ended since it was looked at."""
-    rows = database.execute(
-        "SELECT sessions.hash, role FROM sessions JOIN users ON users.name = sessions.user"
-        ' WHERE sessions."user" = ? AND expires_s > ? AND disabled = 0',
-        (session.user, now_s()),
-    )
-    if not any(id_of(row["hash"]) == session.id and _least(row["role"], session.role) for row in rows):
-        raise RefusedError(401, "session", "log in: there is no such session, or it has ended")
 
 
 def _least(role: str, wanted: str) -> bool:
