@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +16,7 @@ from openrtu_tools.centre.model import Changes, Json, Point, Station
 from openrtu_tools.centre.users import Session
 
 PERIOD_S = 1.0
+QUIET_S = 5.0
 MESSAGE_MOST = 4096  # a page says which view it shows, and nothing else
 VALUES_PERIOD_S = 0.1  # of a program that watches values
 VALUES_MOST = 20_000  # that wait for it
@@ -239,11 +241,15 @@ class Stream:
     async def _send(self, still_allowed: Any) -> None:
         before: tuple[bool, str] | None = None  # the centre itself, as it was last told
         while True:
-            await self.something.wait()
-            self.something.clear()
+            with suppress(TimeoutError):  # a session that ended is noticed, too, while nothing changes
+                async with asyncio.timeout(QUIET_S):
+                    await self.something.wait()
             if not await still_allowed():
                 await self.socket.close(code=4401)
                 return
+            if not self.something.is_set():
+                continue
+            self.something.clear()
             message = self.message()
             state = message["collects"], message["fault"]
             if (

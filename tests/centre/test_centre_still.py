@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from control_room import PASSWORD, Site, Stations, until
+from control_room import PASSWORD, Site, Stations, Watch, until
 from lab.centre_client import AnswerError, Client
 from lab.vehicles import M_SP_TB_1, Station, single
 from openrtu_tools.centre.codes import Link
@@ -102,6 +102,17 @@ def test_who_is_removed_while_a_request_waits_does_nothing(
     add(emil)
     site.client("olga").post(f"/api/commands/{selected}/cancel")
     until(lambda: vera.get(f"/api/commands/{selected}")["state"] in ENDED, "it is cancelled")
+
+
+def test_a_page_is_told_that_its_session_has_ended_though_nothing_changes(
+    site: Site, stations: Stations
+) -> None:
+    client, emil = site.client("omar"), site.client("emil")
+    [session] = [each["id"] for each in client.get("/api/sessions") if each["own"]]
+    with Watch(stations, client, {"view": "stations"}) as page:
+        emil.post(f"/api/sessions/{session}/end?user=omar")
+        until(page.listening.done, "it is sent away")
+        assert page.socket and page.socket.close_code == 4401
 
 
 def test_a_trace_that_could_not_begin_begins_when_it_is_asked_for_again(site: Site) -> None:
