@@ -17,7 +17,7 @@ TOKEN_DAYS_MOST = 366
 
 
 async def all_users(asked: Asked) -> list[Json]:
-    sql = "SELECT name, role, groups, disabled, totp FROM users ORDER BY name"
+    sql = "SELECT name, role, groups, disabled, totp, subject FROM users ORDER BY name"
     return [
         {
             "name": row["name"],
@@ -25,6 +25,7 @@ async def all_users(asked: Asked) -> list[Json]:
             "groups": row["groups"].split("\n") if row["groups"] else [],
             "disabled": bool(row["disabled"]),
             "second_factor": bool(row["totp"]),
+            "provided": bool(row["subject"]),
         }
         for row in await asked.centre.store.read(sql)
     ]
@@ -60,7 +61,14 @@ async def remove_user(asked: Asked) -> Json:
     return {}
 
 
+def _own_password(asked: Asked) -> None:
+    """What belongs to a password has no user of a provider."""
+    if asked.session.provided:
+        raise RefusedError(409, "provided", "your provider keeps your password and second factor")
+
+
 async def change_password(asked: Asked) -> Json:
+    _own_password(asked)
     salt, hashed = await asked.login.own.do(partial(users.fresh, asked.body["password"]))
     await asked.centre.store.write(
         lambda database: users.change_password(database, asked.session, salt, hashed)
@@ -123,6 +131,7 @@ async def second_factor(asked: Asked) -> Json:
 
 
 async def offer_second_factor(asked: Asked) -> Json:
+    _own_password(asked)
     secret = asked.login.offer(asked.session)
     return {"secret": secret, "uri": second.uri(secret, asked.session.user)}
 

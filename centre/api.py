@@ -140,6 +140,7 @@ async def me(asked: Asked) -> Json:
         "user": session.user,
         "role": session.role,
         "csrf": session.csrf,
+        "provided": session.provided,
         "gap_s": asked.centre.settings.gap_s,
         "tiles": asked.centre.settings.tiles is not None,
         **asked.centre.state(),

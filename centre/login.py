@@ -32,6 +32,7 @@ AUDITED_MOST, AUDITED_S = 60, 60.0  # refused logins; what is more is counted
 PENDING_S = 600.0  # to read the secret into an app and to say its code
 READ_ONLY_S = 3600.0  # of a session that could not be stored
 READ_ONLY_MOST = 1000
+CONFIRMED_S = 120.0  # after a provider's user has logged in there once more
 
 
 class Login:
@@ -44,6 +45,7 @@ class Login:
         self.kept: dict[bytes, tuple[float, Session, Row]] = {}  # could not be stored; until when it is good
         self.steps: dict[str, int] = {}  # of codes that were used while nothing could be stored
         self.pending: dict[str, tuple[float, str]] = {}  # by session: a second factor that is being set up
+        self.confirmed: dict[str, float] = {}  # by session: until when its user need not log in once more
         self.refused: asyncio.Queue[tuple[str, str]] = asyncio.Queue()
         self.said, self.said_since_s, self.unsaid = 0, 0.0, 0
 
@@ -58,7 +60,7 @@ class Login:
             limits.append(Limit(("name", name), OF_NAME))
         row, right = await self._looked(self.strangers, limits, name, password)
         if not right:
-            self._say(name if row else "", address)
+            self._say_wrong(name if row else "", address)
             raise RefusedError(401, "password", "the name or the password is wrong")
         assert row
         self.tries.forget(both)
@@ -70,12 +72,22 @@ class Login:
 
     async def confirm(self, session: Session, password: str, address: str) -> None:
         """Who is in already says the own password again. What strangers guess does not count for it."""
+        if session.provided:
+            if time.monotonic() >= self.confirmed.get(session.id, 0.0):
+                raise RefusedError(403, "again", "log in by your provider once more, then do it within 2 min")
+            return
         limit = Limit(("session", session.id), OF_SESSION)
         _, right = await self._looked(self.own, [limit], session.user, password)
         if not right:
-            self._say(session.user, address)
+            self._say_wrong(session.user, address)
             raise RefusedError(403, "own_password", "your own password is wrong")
         self.tries.forget(limit)
+
+    def confirm_provided(self, session: str) -> None:
+        """Its user has logged in at the provider once more."""
+        now_s = time.monotonic()
+        self.confirmed = {id_: until_s for id_, until_s in self.confirmed.items() if until_s > now_s}
+        self.confirmed[session] = now_s + CONFIRMED_S
 
     async def _looked(
         self, pool: Pool, limits: list[Limit], name: str, password: str
@@ -99,15 +111,19 @@ class Login:
 
     # ---- the audit ---------------------------------------------------------------------------
 
-    def _say(self, name: str, address: str) -> None:
+    def _say_wrong(self, name: str, address: str) -> None:
         """A name that nobody has is left out: many a password was typed in its place."""
         log.warning("a wrong password or name from %s", address)
+        self.say(name, f"from {address}{'' if name else ', unknown name'}")
+
+    def say(self, name: str, detail: str) -> None:
+        """In the audit, soon."""
         now_s = time.monotonic()
         if now_s >= self.said_since_s + AUDITED_S:
             self.said, self.said_since_s = 0, now_s
         if self.said < AUDITED_MOST:
             self.said += 1
-            self.refused.put_nowait((name, address))
+            self.refused.put_nowait((name, detail))
         else:
             self.unsaid += 1
 
@@ -141,7 +157,7 @@ class Login:
             secret = await self._begin(row, address, code)
         except RefusedError as error:
             if error.code == "wrong_code":
-                self._say(row["name"], address)
+                self._say_wrong(row["name"], address)
             raise
         self.tries.forget(limits[0])
         return secret
@@ -220,7 +236,7 @@ class Login:
 
 def _audit_refused(database: Database, said: list[tuple[str, str]], unsaid: int) -> None:
     now_ns = time.time_ns()
-    for name, address in said:
-        audit(database, now_ns, name, "login refused", f"from {address}{'' if name else ', unknown name'}")
+    for name, detail in said:
+        audit(database, now_ns, name, "login refused", detail)
     if unsaid:
         audit(database, now_ns, "", "login refused", f"{unsaid} more")

@@ -187,6 +187,11 @@ MIGRATIONS = (
     UPDATE alarms SET last_ns = since_ns;
     ALTER TABLE alarms ADD COLUMN shelved_why TEXT NOT NULL DEFAULT '';
     """,
+    """
+    ALTER TABLE users ADD COLUMN subject TEXT NOT NULL DEFAULT '';
+    CREATE UNIQUE INDEX users_subject ON users (subject) WHERE subject <> '';
+    ALTER TABLE sessions ADD COLUMN sid TEXT NOT NULL DEFAULT '';
+    """,
 )
 
 # Of a database that has PostGIS, for those who read: QGIS, distances. In degrees of WGS 84, and metres,

@@ -18,6 +18,7 @@ from openrtu_tools.centre.areas import Area
 from openrtu_tools.centre.codes import Content
 from openrtu_tools.centre.errors import CentreError
 from openrtu_tools.centre.peers import Network
+from openrtu_tools.centre.roles import ROLES
 from openrtu_tools.programs import command
 
 Json = dict[str, Any]
@@ -136,6 +137,38 @@ HIGHER = {
         "gateway": {"type": "object"},
     },
 }
+OIDC = {
+    "type": "object",
+    "additionalProperties": False,
+    "required": ["issuer", "client_id", "url", "claim", "roles"],
+    "properties": {
+        # Without TLS on the machine itself alone: a code, a secret or a key can be read else, or exchanged.
+        "issuer": {"type": "string", "pattern": "^(https://|http://(127.0.0.1|localhost)[:/])[^?#]+$"},
+        "url": {"type": "string", "pattern": "^(https://|http://(127.0.0.1|localhost)[:/])[^?#]+[^?#/]$"},
+        "client_id": {"type": "string", "minLength": 1},
+        "secret_file": {"type": "string"},
+        "ca": {"type": "string"},
+        "label": {"type": "string", "minLength": 1, "maxLength": 64},
+        "scope": {"type": "string", "pattern": "^openid( |$)"},
+        "name": {"type": "string", "minLength": 1},
+        "claim": {"type": "string", "minLength": 1},
+        "session_h": {"type": "number", "exclusiveMinimum": 0},
+        "roles": {
+            "type": "array",
+            "minItems": 1,
+            "items": {
+                "type": "object",
+                "additionalProperties": False,
+                "required": ["value", "role"],
+                "properties": {
+                    "value": {"type": "string", "minLength": 1},
+                    "role": {"enum": list(ROLES)},
+                    "groups": {"type": "array", "items": {"type": "string", "pattern": "^[^\n]+$"}},
+                },
+            },
+        },
+    },
+}
 CENTRE = {
     "address": {"type": "string"},
     "port": {"type": "integer", "minimum": 1, "maximum": 65535},
@@ -151,6 +184,7 @@ CENTRE = {
     "mqtt": MQTT,
     "higher": HIGHER,
     "push": PUSH,
+    "oidc": OIDC,
 }
 SCHEMA = {
     "type": "object",
@@ -286,6 +320,35 @@ def _secret(file: Path | None, whose: str) -> str:
 
 
 @dataclass(frozen=True)
+class Granted:
+    """What a value of the claim lets a user do."""
+
+    value: str
+    role: str
+    groups: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Oidc:
+    """A provider of users: OpenID Connect."""
+
+    issuer: str
+    client_id: str
+    url: str  # by which browsers reach the centre
+    claim: str
+    roles: tuple[Granted, ...]  # the first one counts
+    secret_file: Path | None = None
+    ca: Path | None = None
+    label: str = "OpenID Connect"
+    scope: str = "openid profile"
+    name: str = "preferred_username"
+    session_h: float = 12.0
+
+    def secret(self) -> str:
+        return _secret(self.secret_file, "oidc")
+
+
+@dataclass(frozen=True)
 class Higher:
     """How a higher centre sees this one: centre/higher.py."""
 
@@ -314,6 +377,7 @@ class Settings:
     higher: Higher | None = None
     push: Push | None = None
     proxies: tuple[Network, ...] = ()  # whose X-Forwarded-For is believed
+    oidc: Oidc | None = None
 
     @property
     def sockets(self) -> list[Path]:
@@ -366,7 +430,22 @@ def load(path: Path) -> Settings:
         _higher(own, folder) if "higher" in own else None,
         _push(own["push"], folder) if "push" in own else None,
         _proxies(own.get("proxies", [])),
+        _oidc(own, folder) if "oidc" in own else None,
     )
+
+
+def _oidc(own: Json, folder: Path) -> Oidc:
+    wanted = dict(own["oidc"])
+    roles = [
+        Granted(each["value"], each["role"], tuple(each.get("groups", ()))) for each in wanted.pop("roles")
+    ]
+    if any(each.groups and each.role == ROLES[-1] for each in roles):
+        raise CentreError(f"oidc: the role {ROLES[-1]} sees all stations: give no groups")
+    if wanted["url"].startswith("https://") and not own.get("secure", "tls" in own):
+        raise CentreError("oidc: url begins with https://: say that it is `secure`, for the cookies")
+    files = {key: folder / wanted.pop(key) for key in ("secret_file", "ca") if key in wanted}
+    hours = wanted.pop("session_h", own.get("session_h", 12.0))
+    return Oidc(**wanted, **files, roles=tuple(roles), session_h=hours)
 
 
 def _proxies(wanted: list[str]) -> tuple[Network, ...]:

@@ -165,6 +165,11 @@ MIGRATIONS = (
     UPDATE alarms SET last_ns = since_ns;
     ALTER TABLE alarms ADD COLUMN shelved_why TEXT NOT NULL DEFAULT '';
     """,
+    """
+    ALTER TABLE users ADD COLUMN subject TEXT NOT NULL DEFAULT ''; -- of a provider's user
+    CREATE UNIQUE INDEX users_subject ON users (subject) WHERE subject <> '';
+    ALTER TABLE sessions ADD COLUMN sid TEXT NOT NULL DEFAULT ''; -- the provider's session
+    """,
 )
 
 

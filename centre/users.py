@@ -19,6 +19,7 @@ PASSWORD_LEAST = 10
 # RFC 7914; 16 MiB and some 50 ms: too dear to guess with.
 SCRYPT = {"n": 2**14, "r": 8, "p": 1}
 NAME_MOST = 64
+PROVIDED = "oidc:"  # begins the name of a provider's user, and of nobody else
 
 
 SESSIONS_MOST = 50  # of a user, and as many tokens
@@ -32,6 +33,7 @@ class Session:
     label: str  # of a token; "" of a browser
     groups: frozenset[str] = frozenset()  # whose stations alone are seen; none: all
     id: str = ""
+    provided: bool = False  # of a provider's user, who has no password here
 
     def sees(self, station: Station) -> bool:
         return not self.groups or station.settings.group in self.groups
@@ -86,11 +88,18 @@ def put(
         raise RefusedError(400, "groups", f"the role {role} sees all stations: give no groups")
     if any(not group or "\n" in group for group in wanted):
         raise RefusedError(400, "groups", "a group is a word of the centre's file")
+    before = row_of(database, name)
+    if before["subject"] if before else name.startswith(PROVIDED):
+        as_before = before and (role, "\n".join(wanted)) == (before["role"], before["groups"])
+        if password is not None or not as_before:
+            raise RefusedError(
+                409, "provided", f"{name} is a provider's user: it says all but who is disabled"
+            )
     salt = secrets.token_bytes(16)
     if password is not None:
         hashed = _hash(password, salt)
-    elif row := database.execute("SELECT salt, hash FROM users WHERE name = ?", (name,)).fetchone():
-        salt, hashed = row["salt"], row["hash"]
+    elif before:
+        salt, hashed = before["salt"], before["hash"]
     else:
         raise RefusedError(400, "password", f"there is no user {name}: a new one needs a password")
     database.execute('DELETE FROM sessions WHERE "user" = ?', (name,))
@@ -132,12 +141,64 @@ def fits(password: str, row: Row | None) -> bool:
     """As slow for a name that is not there, or is disabled: nobody learns names by time."""
     salt = row["salt"] if row else bytes(16)
     same = hmac.compare_digest(_hash(password, salt), row["hash"] if row else bytes(64))
-    return same and row is not None and not row["disabled"]
+    return same and row is not None and not row["disabled"] and not row["subject"]
 
 
 def row_of(database: Database, name: str) -> Row | None:
     row = database.execute("SELECT * FROM users WHERE name = ?", (name,)).fetchone()
     return dict(row) if row else None
+
+
+# ---- users of a provider -------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Provided:
+    """As the provider describes it now."""
+
+    name: str
+    subject: str  # a hash of provider and subject: it alone says which user it is
+    role: str
+    groups: tuple[str, ...]
+
+
+def enter(database: Database, who: Provided) -> str:
+    """Its name here, which it keeps. Raises RefusedError: a name is nobody else's, whoever has it."""
+    row = database.execute("SELECT * FROM users WHERE subject = ?", (who.subject,)).fetchone()
+    groups = "\n".join(sorted(who.groups))
+    if row and row["disabled"]:
+        raise RefusedError(403, "disabled", "this user is disabled here")
+    if row and (row["role"], row["groups"]) == (who.role, groups):
+        return str(row["name"])
+    if row:
+        database.execute(
+            "UPDATE users SET role = ?, groups = ? WHERE subject = ?", (who.role, groups, who.subject)
+        )
+    else:
+        if not who.name.isprintable() or len(who.name) > NAME_MOST:
+            raise RefusedError(403, "name", f"the name has more than {NAME_MOST} characters, or odd ones")
+        if row_of(database, who.name):
+            raise RefusedError(403, "name_taken", "another user has this name")
+        database.execute(
+            "INSERT INTO users (name, role, salt, hash, groups, subject) VALUES (?, ?, ?, ?, ?, ?)",
+            (who.name, who.role, b"", b"", groups, who.subject),
+        )
+    name = str(row["name"] if row else who.name)
+    more = [*(f"of {group}" for group in sorted(who.groups))]
+    audit(database, time.time_ns(), name, "user", f"{name}: {', '.join([who.role, *more])}, by the provider")
+    return name
+
+
+def sent_out(database: Database, subject: str, sid: str) -> None:
+    """Ends a session of the provider's, or all of a user."""
+    rows = database.execute(
+        'SELECT sessions.hash, sessions."user" FROM sessions JOIN users ON users.name = sessions."user"'
+        " WHERE users.subject <> '' AND (? = '' OR users.subject = ?) AND (? = '' OR sessions.sid = ?)",
+        (subject, subject, sid, sid),
+    )
+    for row in list(rows):
+        database.execute("DELETE FROM sessions WHERE hash = ?", (row["hash"],))
+        audit(database, time.time_ns(), row["user"], "session ended", "by the provider")
 
 
 # ---- sessions and tokens -------------------------------------------------------------------------
@@ -151,6 +212,8 @@ class Wanted:
     address: str = ""
     label: str = ""
     scope: str = "engineer"  # no less than the user may
+    how: str = ""  # somebody logged in
+    sid: str = ""  # the provider's session
 
 
 def now_s() -> int:
@@ -174,6 +237,9 @@ def begin(database: Database, user: str, wanted: Wanted) -> str:
     """Its secret, which nobody can read again."""
     secret = secrets.token_urlsafe(32)
     begun_s = now_s()
+    row = row_of(database, user)
+    if wanted.label and row and row["subject"]:
+        raise RefusedError(409, "provided", "a program has a user of its own, not a provider's")
     database.execute("DELETE FROM sessions WHERE expires_s <= ?", (begun_s,))
     same = [each for each in _of_user(database, user) if bool(each["label"]) == bool(wanted.label)]
     if len(same) >= SESSIONS_MOST and wanted.label:
@@ -181,8 +247,8 @@ def begin(database: Database, user: str, wanted: Wanted) -> str:
     for each in same[: len(same) - SESSIONS_MOST + 1] if len(same) >= SESSIONS_MOST else ():
         database.execute("DELETE FROM sessions WHERE hash = ?", (each["hash"],))
     database.execute(
-        'INSERT INTO sessions (hash, "user", csrf, label, expires_s, scope, begun_s, seen_s, address)'
-        " VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        'INSERT INTO sessions (hash, "user", csrf, label, expires_s, scope, begun_s, seen_s, address, sid)'
+        " VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         (
             hash_secret(secret),
             user,
@@ -193,9 +259,10 @@ def begin(database: Database, user: str, wanted: Wanted) -> str:
             begun_s,
             begun_s,
             wanted.address,
+            wanted.sid,
         ),
     )
-    done = ("token", f"{wanted.label}: {wanted.scope}") if wanted.label else ("login", "")
+    done = ("token", f"{wanted.label}: {wanted.scope}") if wanted.label else ("login", wanted.how)
     audit(database, time.time_ns(), user, *done)
     return secret
 
@@ -240,8 +307,13 @@ def seen(database: Database, when_s: dict[bytes, int]) -> None:
 
 
 FIND = (
-    'SELECT users.name AS "user", role, csrf, label, groups, scope, sessions.hash, seen_s FROM sessions'
-    " JOIN users ON users.name = sessions.user WHERE sessions.hash = ? AND expires_s > ? AND disabled = 0"
+    'SELECT users.name AS "user", role, csrf, label, groups, scope, sessions.hash, seen_s, subject'
+    ' FROM sessions JOIN users ON users.name = sessions."user"'
+    " WHERE sessions.hash = ? AND expires_s > ? AND disabled = 0"
+)
+LIST_OF_SUBJECT = (
+    'SELECT sessions.hash FROM sessions JOIN users ON users.name = sessions."user"'
+    " WHERE subject = ? AND expires_s > ?"
 )
 LIST = (
     "SELECT hash, label, scope, begun_s, seen_s, expires_s, address FROM sessions"
@@ -253,7 +325,9 @@ def found(row: Row) -> Session:
     """What FIND has found. A token may no more than its user, and than its scope says."""
     role = min(row["role"], SCOPES[row["scope"]], key=ROLES.index)
     groups = frozenset(row["groups"].split("\n")) - {""}
-    return Session(row["user"], role, row["csrf"], row["label"], groups, id_of(row["hash"]))
+    return Session(
+        row["user"], role, row["csrf"], row["label"], groups, id_of(row["hash"]), bool(row["subject"])
+    )
 
 
 def find_values(secret: str) -> tuple[bytes, int]:

@@ -11,18 +11,23 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from aiohttp import web
 
 from openrtu_tools.centre import peers, users
 from openrtu_tools.centre.centre import Centre
-from openrtu_tools.centre.errors import RefusedError, StoreError
+from openrtu_tools.centre.errors import CentreError, RefusedError, StoreError
 from openrtu_tools.centre.login import Login
 from openrtu_tools.centre.model import Point, Station
+from openrtu_tools.centre.settings import Oidc
 from openrtu_tools.centre.stream import MESSAGE_MOST, Stream
 from openrtu_tools.centre.users import Session
 from openrtu_tools.centre.wire import Json, check, check_text, read_body
+from openrtu_tools.missing import what_to_type
+
+if TYPE_CHECKING:
+    from openrtu_tools.centre.oidc import Logins
 
 log = logging.getLogger("centre")
 
@@ -110,6 +115,9 @@ class Server:
         router.add_post("/api/login", self.log_in)
         router.add_post("/api/logout", self.log_out)
         router.add_get("/api/stream", self.stream)
+        router.add_get("/api/oidc", self.provider)
+        if centre.settings.oidc:
+            provided(self, centre.settings.oidc).add_routes(router)
         for route in routes:
             router.add_route(route.method, route.path, self.answering(route))
         router.add_get("/map/own.pmtiles", self.tiles)
@@ -251,11 +259,19 @@ class Server:
         row = await self.login.row_of(body["name"], body["password"], address)
         secret = await self.login.begin(row, address, body.get("code", ""))
         response = web.json_response({})
-        response.set_cookie(
-            COOKIE, secret, max_age=int(self.centre.settings.session_h * 3600), httponly=True,
-            samesite="Strict", secure=self.centre.settings.secure, path="/",
-        )  # fmt: skip
+        self.give_session(response, secret, self.centre.settings.session_h)
         return response
+
+    def give_session(self, response: web.Response, secret: str, hours: float) -> None:
+        response.set_cookie(
+            COOKIE, secret, max_age=int(hours * 3600), httponly=True, samesite="Strict",
+            secure=self.centre.settings.secure, path="/",
+        )  # fmt: skip
+
+    async def provider(self, request: web.Request) -> web.Response:
+        """What the page calls it; "" if users come from nowhere else."""
+        oidc = self.centre.settings.oidc
+        return web.json_response({"label": oidc.label if oidc else ""})
 
     async def log_out(self, request: web.Request) -> web.Response:
         await self.session(request)
@@ -305,6 +321,14 @@ class Server:
         if not found:
             raise web.HTTPNotFound(reason="there is no such file")
         return web.FileResponse(path, headers={"Cache-Control": "no-cache"})
+
+
+def provided(server: Server, settings: Oidc) -> Logins:
+    try:
+        from openrtu_tools.centre.oidc import Logins  # who has no provider needs no Authlib
+    except ModuleNotFoundError as error:
+        raise CentreError(what_to_type(error, "oidc")) from error
+    return Logins(server, settings)
 
 
 def refusal(error: RefusedError) -> web.Response:

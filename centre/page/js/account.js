@@ -16,8 +16,17 @@ function labelled(key, field) {
 
 // Why it was refused, in the words of the page.
 export function reason(refused) {
-  const key = { own_password: "own_wrong", guesses: "login_wait", wrong_code: "code_wrong", logins: "login_busy", password: "login_failed" }[refused.code] ?? "failed";
+  const key = { again: "again_first", own_password: "own_wrong", guesses: "login_wait", wrong_code: "code_wrong", logins: "login_busy", password: "login_failed" }[refused.code] ?? "failed";
   return t(key, { error: refused.message, s: refused.wait });
+}
+
+// What confirms a change: the own password, or a login at the provider, in a page of its own.
+export function confirmation() {
+  const own = h("input", { type: "password", autocomplete: "current-password", maxLength: 256, required: !live.session.provided });
+  const element = live.session.provided
+    ? h("p", {}, t("again_why"), " ", h("a", { href: "api/oidc/begin?again=1", target: "_blank", rel: "noopener" }, t("again_login")))
+    : h("label", {}, t("password_own"), own);
+  return { own, element };
 }
 
 // A part of the dialogue: what it asks for, and a button that sends it.
@@ -133,7 +142,7 @@ export function showAccount() {
   const open = sessionTable();
   dialog.append(
     h("div", { class: "body" }, h("h2", {}, `${t("account")} · ${live.session.user} · ${t(live.session.role)}`),
-      open.element, tokenPart(open.show), passwordPart(open.show), secondPart()),
+      open.element, ...(live.session.provided ? [h("p", { class: "muted" }, t("provided_account"))] : [tokenPart(open.show), passwordPart(open.show), secondPart()])),
     h("div", { class: "end" }, h("button", { type: "button", onclick: () => dialog.close() }, t("close"))));
   dialog.addEventListener("close", () => dialog.remove());
   document.body.append(dialog);

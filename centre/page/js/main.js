@@ -13,6 +13,7 @@ import { chosen, LANGUAGES, speak, t, time } from "./words.js";
 
 const VIEWS = { map: showMap, points: showPoints, alarms: showAlarms, stations: showStations, users: showUsers };
 const NEEDS = { users: "engineer" }; // all others are for everybody
+const REFUSED = ["no_role", "name_taken", "provider", "disabled", "somebody_else"]; // by a provider's login, with words of their own
 let leave = () => {};
 
 function theme(name) {
@@ -45,10 +46,12 @@ function showLogin(said = "") {
   const password = h("input", { id: "password", type: "password", autocomplete: "current-password", required: true });
   const code = h("input", { id: "code", autocomplete: "one-time-code", inputMode: "numeric", maxLength: 32 });
   const asked = h("label", { hidden: true }, t("code_or_recovery"), code);
+  const provider = h("div");
+  live.ask("oidc").then(({ label }) => label && provider.replaceChildren(h("button", { type: "button", onclick: () => location.assign("api/oidc/begin") }, t("login_by", { provider: label }))), () => {});
   const form = h("form", { class: "card" },
     h("div", { class: "brand" }, h("img", { src: "icon.svg", alt: "" }), h("h1", {}, `OpenRTU · ${t("title")}`)),
     h("label", {}, t("user"), name), h("label", {}, t("password"), password), asked,
-    error, h("button", { class: "main" }, t("login")), languages(() => showLogin()));
+    error, h("button", { class: "main" }, t("login")), provider, languages(() => showLogin()));
   form.addEventListener("submit", async (event) => {
     event.preventDefault();
     setText(error, "");
@@ -66,6 +69,20 @@ function showLogin(said = "") {
   document.title = t("title");
   document.body.replaceChildren(h("div", { class: "login" }, form));
   name.focus();
+}
+
+// What came back from the provider, as a word of the address.
+function saidByProvider(word) {
+  if (word === "cancelled") return "";
+  return t(word === "again" ? "again_done" : REFUSED.includes(word) ? `login_by_${word}` : "login_by_failed");
+}
+
+function showSaid(text) {
+  const dialog = h("dialog", {}, h("div", { class: "body" }, h("p", { role: "status" }, text)),
+    h("div", { class: "end" }, h("button", { type: "button", onclick: () => dialog.close() }, t("close"))));
+  dialog.addEventListener("close", () => dialog.remove());
+  document.body.append(dialog);
+  dialog.showModal();
 }
 
 async function logOut() {
@@ -159,8 +176,11 @@ function frame() {
 
 theme(localStorage.getItem("theme") ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
 await speak(chosen());
+const [, said] = location.hash.match(/^#login\/(\w+)$/) ?? [];
+if (said) history.replaceState(null, "", "#map");
 try {
   await enter();
+  if (said) showSaid(saidByProvider(said));
 } catch {
-  showLogin();
+  showLogin(said ? saidByProvider(said) : "");
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // For an engineer: who may what, and who did what.
-import { reason } from "./account.js";
+import { confirmation, reason } from "./account.js";
 import { list } from "./alarms.js";
 import { AUDITED, ROLES } from "./codes.js";
 import { h, setText, state, tabs } from "./dom.js";
@@ -18,10 +18,6 @@ async function groupsOf(user) {
   return [...new Set([...known, ...(user?.groups ?? [])])].sort();
 }
 
-function password(own) {
-  return h("input", { type: "password", autocomplete: own ? "current-password" : "new-password", maxLength: 256 });
-}
-
 function labelled(key, ...inputs) {
   return h("label", {}, t(key), ...inputs);
 }
@@ -36,23 +32,22 @@ function userDialogue(user, known, done) {
   const myself = user?.name === live.session.user;
   const name = h("input", { required: true, maxLength: 64, autocomplete: "off", disabled: Boolean(user) });
   name.value = user?.name ?? "";
-  const role = h("select", { disabled: myself }, ...ROLES.map((each) => h("option", { value: each, selected: each === (user?.role ?? "viewer") }, t(each))));
+  const fixed = Boolean(user?.provided); // the provider says all but who is disabled
+  const role = h("select", { disabled: myself || fixed }, ...ROLES.map((each) => h("option", { value: each, selected: each === (user?.role ?? "viewer") }, t(each))));
   const groups = known.map((group) => check(group, Boolean(user?.groups.includes(group))));
   const scope = h("fieldset", {}, h("legend", {}, t("scope")), ...groups.map((each) => each.element), h("span", { class: "muted" }, t("scope_none")));
-  const fresh = password(false);
-  fresh.required = !user;
+  const fresh = h("input", { type: "password", autocomplete: "new-password", maxLength: 256, required: !user, disabled: fixed });
   fresh.minLength = 10;
   const off = check(t("disabled"), Boolean(user?.disabled));
   off.box.disabled = myself;
-  const own = password(true);
-  own.required = true;
+  const { own, element: confirms } = confirmation();
   const failure = h("p", { class: "error", role: "alert" });
   const dialog = h("dialog", { "aria-label": t(user ? "user_change" : "user_add") });
   const remove = h("button", { type: "button", hidden: !user || myself, onclick: () => send(`users/${encodeURIComponent(user.name)}/remove`, {}) }, t("remove"));
   const lost = h("button", { type: "button", hidden: !user?.second_factor || myself, onclick: () => send(`users/${encodeURIComponent(user.name)}/second_factor/end`, {}) }, t("second_lost"));
   const form = h("form", { method: "dialog" },
     h("div", { class: "body" }, h("h2", {}, t(user ? "user_change" : "user_add")), labelled("name", name), labelled("role_name", role), scope,
-      labelled(user ? "password_new" : "password", fresh), off.element, labelled("password_own", own), failure),
+      labelled(user ? "password_new" : "password", fresh), off.element, confirms, failure),
     h("div", { class: "end" }, remove, lost, h("span", { class: "grow" }),
       h("button", { type: "button", onclick: () => dialog.close() }, t("cancel")), h("button", { class: "main" }, t("save"))));
 
@@ -68,12 +63,12 @@ function userDialogue(user, known, done) {
     }
   }
 
-  const scoped = () => (scope.disabled = role.value === ROLES.at(-1));
+  const scoped = () => (scope.disabled = fixed || role.value === ROLES.at(-1));
   role.addEventListener("change", scoped);
   scoped();
   form.addEventListener("submit", (event) => {
     event.preventDefault();
-    const seen = scope.disabled ? [] : groups.filter((each) => each.box.checked).map((each) => each.text);
+    const seen = role.value === ROLES.at(-1) ? [] : groups.filter((each) => each.box.checked).map((each) => each.text);
     send("users", { name: name.value, role: role.value, groups: seen, disabled: off.box.checked, ...(fresh.value ? { password: fresh.value } : {}) });
   });
   dialog.append(form);
