@@ -175,7 +175,7 @@ class Provider:
                     said = octets[:TEXT_MOST].decode(errors="replace")
                     log.warning("the provider: %s answers %s: %r", url, response.status, said)
                     if 400 <= response.status < 500 and method == "POST":
-                        raise RefusedError(403, "token", "the provider takes this code not, or not any more")
+                        raise RefusedError(403, "token", "the provider does not take this code, or not any more")
                     raise _failed(f"it answers {response.status}")
                 answer = json.loads(octets)
         except (
@@ -220,7 +220,7 @@ class Provider:
             raise _wrong("it is too old")
         subject, session = claims.get("sub", ""), claims.get("sid", "")
         if not isinstance(subject, str) or not isinstance(session, str) or not (subject or session):
-            raise _wrong("it says not who")
+            raise _wrong("it does not say who")
         return subject, session
 
     def _ours(self) -> Json:
