@@ -36,6 +36,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--scope", choices=SCOPES, default="read", help="what it may at most: read, command, or all [read]"
     )
     token.add_argument("--days", type=float, default=365, help="how long it is good [365]")
+    gateway = verbs.add_parser("web-users", help="print the users for the page of a station's gateway")
+    gateway.add_argument("station", help="only those who see it")
     verbs.add_parser("station", help="print the gateway's configuration that a higher centre is served by")
 
 

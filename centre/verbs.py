@@ -16,7 +16,7 @@ from typing import NoReturn
 
 from aiohttp import web
 
-from openrtu_tools.centre import higher, second, settings, users
+from openrtu_tools.centre import gateways, higher, second, settings, users
 from openrtu_tools.centre.api import ROUTES
 from openrtu_tools.centre.centre import Centre
 from openrtu_tools.centre.certificate import renew, tls_context
@@ -101,6 +101,18 @@ def give_token(what: settings.Settings, name: str, wanted: users.Wanted) -> None
         store.close()
 
 
+def give_web_users(what: settings.Settings, station: str) -> None:
+    """Prints them; who is left out is said beside it."""
+    store = open_store(what.database, alone=False)
+    try:
+        lines, left_out = store.transaction(lambda database: gateways.users_of(database, what, station))
+    finally:
+        store.close()
+    for each in left_out:
+        print(f"openrtu centre: left out: {each}", file=sys.stderr)
+    print("\n".join(lines))
+
+
 def give_station(what: settings.Settings) -> None:
     """Prints it; what is left out is said beside it."""
     configuration, left_out = higher.gateway(what)
@@ -133,6 +145,8 @@ def run(parsed: argparse.Namespace) -> int:
     elif parsed.verb == "token":
         wanted = users.Wanted(parsed.days * 86400, "", parsed.label, parsed.scope)
         give_token(what, parsed.name, wanted)
+    elif parsed.verb == "web-users":
+        give_web_users(what, parsed.station)
     elif parsed.verb == "station":
         give_station(what)
     elif parsed.start:

@@ -8,6 +8,7 @@ import contextlib
 import json
 import select
 import socket
+import sqlite3
 import ssl
 import stat
 import subprocess
@@ -16,15 +17,18 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import pyotp
 import pytest
 
 from lab.gateway import free_port
+from peers.authority import give_to_station
 from web import (
     DEVICE,
     HOSTILE,
     PASSWORD,
     ROOT,
     WAIT_S,
+    WEB_USER,
     Client,
     Page,
     configuration,
@@ -136,11 +140,96 @@ def test_passwords_are_not_guessed(page: Page) -> None:
     unknown = stranger.log_in("nobody", "wrong password")
     assert (wrong.status, wrong.text) == (unknown.status, unknown.text)
     assert wrong.status == 401
-    answers = [stranger.log_in("viewer", "wrong password") for _ in range(4)]
-    assert answers[-1].status == 429
-    assert int(answers[-1].headers["Retry-After"]) > 0
+    answers = [stranger.log_in("viewer", "wrong password") for _ in range(5)]
+    assert [answer.status for answer in answers] == [401] * 4 + [429]
+    assert 0 < int(answers[-1].headers["Retry-After"]) <= 30
     assert stranger.log_in("viewer").status == 429  # nor with the right one
     assert page.client("viewer").ask("/api/points").status == 200  # others can
+
+
+def users(page: Page, name: str, *words: str) -> str:
+    """Changes the file of users, for the gateway to read."""
+    file = page.folder / "web.users"
+    command = [ROOT / "scripts/openrtu", "web-users", file, name, *words]
+    done = subprocess.run(command, input=f"{PASSWORD}\n", capture_output=True, text=True, check=True)
+    give_to_station(file, WEB_USER)
+    return done.stdout
+
+
+@pytest.mark.parametrize("change", [("--remove",), ("--role", "viewer"), ("--role", "operator")])
+def test_who_is_changed_or_removed_is_out_soon(page: Page, change: tuple[str, ...]) -> None:
+    """A new password ends sessions, too."""
+    users(page, "zoe", "--role", "operator")
+    client, other = page.client("zoe"), page.client("viewer")
+    users(page, "zoe", *change)
+    deadline = time.monotonic() + WAIT_S
+    while client.ask("/api/points").status == 200:
+        assert time.monotonic() < deadline, "still in"
+        time.sleep(0.2)
+    assert other.ask("/api/points").status == 200
+
+
+def test_a_second_factor_is_asked_for_and_each_code_is_good_once(page: Page) -> None:
+    said = users(page, "yves", "--role", "viewer", "--second-factor")
+    app = pyotp.parse_uri(said.strip())
+    assert isinstance(app, pyotp.TOTP)
+    assert users(page, "yves", "--role", "operator") == ""  # which keeps it
+    client = page.client()
+
+    def log_in(code: str) -> str:
+        body = {"name": "yves", "password": PASSWORD, "code": code}
+        answer = client.ask("/api/login", body)
+        return "in" if answer.status == 200 else str(answer.json()["error"])
+
+    assert (log_in(""), client.log_in("yves").json()["error"]) == ("code", "code")
+    assert client.log_in("yves", "wrong password").json()["error"] == "wrong"
+    code = app.at(int(time.time()) + 30)
+    assert log_in(code) == "in"
+    assert log_in(code) == log_in(app.at(int(time.time()) - 30)) == "wrong_code"
+    assert [log_in("abcdef") for _ in range(4)] == ["wrong_code"] * 3 + ["tries"]
+    users(page, "yves", "--role", "viewer", "--no-second-factor")
+    assert page.client("yves").ask("/api/points").status == 200
+
+
+def test_users_of_a_centre_come_in(page: Page, tmp_path: Path) -> None:
+    """With their passwords, roles and second factors; who does not see the station does not."""
+    centre = tmp_path / "centre.json"
+    station = {"name": "seven", "address": "192.0.2.7", "common_addresses": [1], "group": "water"}
+    centre.write_text(json.dumps({"stations": [station]}))
+
+    def tool(*words: str) -> subprocess.CompletedProcess[str]:
+        command = [ROOT / "scripts/openrtu", "centre", centre, *words]
+        return subprocess.run(command, input=f"{PASSWORD}\n", capture_output=True, text=True, check=False)
+
+    for name, more in (
+        ("olga", ("--role", "operator", "--group", "water")),
+        ("gert", ("--role", "operator", "--group", "gas")),
+        ("two words", ("--role", "viewer")),
+        ("tom", ("--role", "viewer")),
+    ):
+        assert tool("user", name, *more).returncode == 0
+    secret = pyotp.random_base32()
+    with contextlib.closing(sqlite3.connect(tmp_path / "centre.db")) as database, database:
+        database.execute("UPDATE users SET totp = ? WHERE name = 'tom'", (secret,))
+    given = tool("web-users", "seven")
+    assert given.returncode == 0
+    assert [line.split()[0] for line in given.stdout.splitlines()] == ["olga", "tom"]
+    assert {"gert: does not see this station", "two words: a name there is one word"} <= {
+        line.removeprefix("openrtu centre: left out: ").partition(", of at most")[0]
+        for line in given.stderr.splitlines()
+    }
+    assert tool("web-users", "eight").returncode != 0
+    file = page.folder / "web.users"
+    text = file.read_text()
+    file.chmod(0o600)
+    file.write_text(text + given.stdout)
+    file.chmod(0o400)
+    give_to_station(file, WEB_USER)
+    assert page.client().log_in("olga").json()["role"] == "operator"
+    assert page.client().log_in("tom").json()["error"] == "code"
+    body = {"name": "tom", "password": PASSWORD, "code": pyotp.TOTP(secret).now()}
+    assert page.client().ask("/api/login", body).status == 200
+    assert page.client().log_in("olga", "wrong password").status == 401
 
 
 def test_only_the_page_changes_something(page: Page, operator: Client) -> None:

@@ -21,6 +21,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	if (web_user_find(file, "a", &user, &wrong)) {
 		CHECK(strcmp(user.name, "a") == 0 && user.role <= WEB_ENGINEER);
 		CHECK(user.n > 1 && user.r > 0 && user.p > 0 && user.salt_size >= 8);
+		CHECK(user.secret_size == 0 ||
+		      (user.secret_size >= WEB_TOTP_LEAST && user.secret_size <= WEB_TOTP_MAX));
 		CHECK(user.salt_size <= WEB_SALT_MAX && UINT64_C(128) * user.n * user.r <= WEB_MEMORY_MAX);
 	}
 	CHECK(wrong <= size);

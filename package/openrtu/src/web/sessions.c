@@ -26,6 +26,7 @@ struct web_session *web_session_begin(struct web_sessions *sessions, const struc
 				      .used_ns = now_ns,
 				      .until_ns = now_ns + seconds * NS_PER_S};
 	memcpy(place->name, user->name, sizeof(place->name));
+	memcpy(place->hash, user->hash, sizeof(place->hash));
 	web_hex_write(random, WEB_SECRET_OCTETS, place->token);
 	web_hex_write(random + WEB_SECRET_OCTETS, WEB_SECRET_OCTETS, place->csrf);
 	return place;
@@ -60,47 +61,20 @@ void web_session_end(struct web_session *session)
 	memset(session, 0, sizeof(*session));
 }
 
-/* ---- tries to log in --------------------------------------------------------------------- */
-
-/* How long until there is one in it. */
-static int64_t wait_for(const struct web_bucket *bucket, int64_t tries, int64_t try_ns, int64_t now_ns)
+void web_sessions_review(struct web_sessions *sessions, FILE *file)
 {
-	return bucket->full_ns - (tries - 1) * try_ns - now_ns;
-}
+	struct web_user user;
+	unsigned wrong;
 
-static void take(struct web_bucket *bucket, int64_t try_ns, int64_t now_ns)
-{
-	bucket->full_ns = (bucket->full_ns > now_ns ? bucket->full_ns : now_ns) + try_ns;
-}
+	for (unsigned i = 0; i < WEB_SESSIONS_MAX; i++) {
+		struct web_session *session = &sessions->places[i];
 
-/* The bucket of an address, or the fullest: who had that is not held up by it any more. */
-static struct web_bucket *bucket_of(struct web_tries *tries, const struct in6_addr *address, int64_t now_ns)
-{
-	struct web_bucket *fullest = &tries->of[0];
-
-	for (unsigned i = 0; i < WEB_ADDRESSES_MAX; i++) {
-		struct web_bucket *bucket = &tries->of[i];
-
-		if (bucket->full_ns > now_ns && memcmp(&bucket->address, address, sizeof(*address)) == 0)
-			return bucket;
-		if (bucket->full_ns < fullest->full_ns)
-			fullest = bucket;
+		if (session->token[0] == '\0')
+			continue;
+		if (file != NULL)
+			rewind(file);
+		if (file == NULL || !web_user_find(file, session->name, &user, &wrong) ||
+		    user.role != session->role || memcmp(user.hash, session->hash, sizeof(user.hash)) != 0)
+			web_session_end(session);
 	}
-	*fullest = (struct web_bucket){.address = *address};
-	return fullest;
-}
-
-bool web_may_try(struct web_tries *tries, const struct in6_addr *address, int64_t now_ns, unsigned *wait_s)
-{
-	struct web_bucket *bucket = bucket_of(tries, address, now_ns);
-	const int64_t own_ns = wait_for(bucket, WEB_TRIES, WEB_TRY_S * NS_PER_S, now_ns);
-	const int64_t all_ns = wait_for(&tries->all, WEB_TRIES_OF_ALL, WEB_TRY_OF_ALL_S * NS_PER_S, now_ns);
-	const int64_t wait_ns = own_ns > all_ns ? own_ns : all_ns;
-
-	*wait_s = wait_ns > 0 ? (unsigned)((wait_ns + NS_PER_S - 1) / NS_PER_S) : 0;
-	if (wait_ns > 0)
-		return false;
-	take(bucket, WEB_TRY_S * NS_PER_S, now_ns);
-	take(&tries->all, WEB_TRY_OF_ALL_S * NS_PER_S, now_ns);
-	return true;
 }

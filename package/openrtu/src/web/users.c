@@ -6,7 +6,7 @@
 
 #include "web/hex.h"
 
-enum { NAME, ROLE, ALGORITHM, N, R, P, SALT, HASH, WORDS };
+enum { NAME, ROLE, ALGORITHM, N, R, P, SALT, HASH, SECRET, WORDS };
 
 static const char *const roles[] = {"viewer", "operator", "engineer"};
 
@@ -26,7 +26,7 @@ static bool split(char *line, const char *words[WORDS])
 			return false;
 		words[count++] = word;
 	}
-	return count == WORDS;
+	return count >= SECRET;
 }
 
 static bool read_number(const char *text, uint32_t most, uint32_t *out)
@@ -59,7 +59,7 @@ static bool is_bearable(const struct web_user *user)
 
 bool web_user_read(char line[WEB_LINE_SIZE], struct web_user *out)
 {
-	const char *words[WORDS];
+	const char *words[WORDS] = {NULL};
 
 	memset(out, 0, sizeof(*out));
 	if (!split(line, words) || strlen(words[NAME]) >= WEB_USER_SIZE ||
@@ -67,6 +67,10 @@ bool web_user_read(char line[WEB_LINE_SIZE], struct web_user *out)
 		return false;
 	snprintf(out->name, sizeof(out->name), "%s", words[NAME]);
 	out->salt_size = web_hex_read(words[SALT], out->salt, sizeof(out->salt));
+	if (words[SECRET] != NULL)
+		out->secret_size = web_secret_read(words[SECRET], out->secret);
+	if (words[SECRET] != NULL && out->secret_size == 0)
+		return false;
 	return read_role(words[ROLE], &out->role) && read_number(words[N], WEB_MEMORY_MAX, &out->n) &&
 	       read_number(words[R], 64, &out->r) && read_number(words[P], 64, &out->p) && is_bearable(out) &&
 	       out->salt_size >= 8 && web_hex_read(words[HASH], out->hash, WEB_HASH_SIZE) == WEB_HASH_SIZE;
@@ -75,14 +79,19 @@ bool web_user_read(char line[WEB_LINE_SIZE], struct web_user *out)
 bool web_user_find(FILE *file, const char *name, struct web_user *out, unsigned *wrong)
 {
 	char line[WEB_LINE_SIZE];
+	struct web_user user;
 
 	*wrong = 0;
+	memset(out, 0, sizeof(*out));
 	while (fgets(line, sizeof(line), file) != NULL) {
 		if (line[0] == '#' || line[strspn(line, " \t\r\n")] == '\0')
 			continue;
-		if (!web_user_read(line, out))
+		if (!web_user_read(line, &user)) {
 			++*wrong;
-		else if (strcmp(out->name, name) == 0)
+			continue;
+		}
+		*out = user;
+		if (strcmp(user.name, name) == 0)
 			return true;
 	}
 	return false;

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
  * The file of users, which openrtu web-users makes. A line is
- *	NAME ROLE scrypt N R P SALT HASH
- * with salt and hash in hexadecimal digits (RFC 7914); an empty line or one that begins with # is none.
+ *	NAME ROLE scrypt N R P SALT HASH [SECRET]
+ * with salt and hash in hexadecimal digits (RFC 7914), and the secret of a second factor in base32; an empty line or one that begins with # is none.
  */
 #ifndef OPENRTU_WEB_USERS_H
 #define OPENRTU_WEB_USERS_H
@@ -11,8 +11,10 @@
 #include <stdint.h>
 #include <stdio.h>
 
+#include "web/totp.h"
+
 #define WEB_USER_SIZE  33 /* of a name, terminator included */
-#define WEB_LINE_SIZE  320
+#define WEB_LINE_SIZE  384
 #define WEB_SALT_MAX   32
 #define WEB_HASH_SIZE  32
 #define WEB_MEMORY_MAX (16u << 20) /* octets that a hash may take */
@@ -28,11 +30,16 @@ struct web_user {
 	uint8_t salt[WEB_SALT_MAX];
 	uint8_t salt_size;
 	uint8_t hash[WEB_HASH_SIZE];
+	uint8_t secret[WEB_TOTP_MAX];
+	uint8_t secret_size; /* 0: a password is enough */
 };
 
 /* A line of the file, which is cut in pieces. False: it is none. */
 bool web_user_read(char line[WEB_LINE_SIZE], struct web_user *out);
-/* Looks a user up. False: there is none of this name. wrong counts the lines that are none. */
+/*
+ * Looks a user up. False: there is none of this name, and *out is another one (n is 0 if there is none): a password is compared with
+ * that as slowly. wrong counts the lines that are none.
+ */
 bool web_user_find(FILE *file, const char *name, struct web_user *out, unsigned *wrong);
 const char *web_role_name(uint8_t role);
 

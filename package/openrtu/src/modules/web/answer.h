@@ -10,6 +10,7 @@
 #include "web/config.h"
 #include "web/sessions.h"
 #include "web/stats.h"
+#include "web/tries.h"
 
 #define HTTP_BODY_MAX 512
 
@@ -29,6 +30,8 @@ struct http_site {
 	struct web_stats *stats;
 	struct web_sessions sessions;
 	struct web_tries tries;
+	struct web_used used[WEB_STEPS_MAX];
+	int64_t reviewed_ns; /* when the file of users was looked at last */
 	int64_t now_ns;
 };
 

@@ -62,6 +62,7 @@ static void find_session(struct http_request *request)
 {
 	char name[COOKIE_SIZE];
 
+	login_review(site);
 	login_cookie_name(site, name, sizeof(name));
 	request->session = web_session_find(
 	    &site->sessions, MHD_lookup_connection_value(request->connection, MHD_COOKIE_KIND, name),

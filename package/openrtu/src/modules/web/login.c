@@ -5,6 +5,7 @@
 #include <fcntl.h>
 #include <openssl/crypto.h>
 #include <openssl/evp.h>
+#include <openssl/hmac.h>
 #include <openssl/rand.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -17,6 +18,8 @@
 
 #define HASH_OVERHEAD (1u << 20) /* what OpenSSL adds to 128 N r */
 #define COOKIE_MAX    192
+#define REVIEW_NS     (5 * NS_PER_S) /* between two looks at the file */
+#define AROUND        1              /* steps that a telephone's clock may be off */
 
 /* ---- the file ---------------------------------------------------------------------------- */
 
@@ -59,12 +62,26 @@ void login_look(struct http_site *site)
 	fclose(file);
 }
 
+void login_review(struct http_site *site)
+{
+	FILE *file;
+
+	if (site->now_ns - site->reviewed_ns < REVIEW_NS)
+		return;
+	site->reviewed_ns = site->now_ns;
+	file = open_users(site);
+	web_sessions_review(&site->sessions, file);
+	if (file != NULL)
+		fclose(file);
+}
+
 static bool find_user(struct http_site *site, const char *name, struct web_user *out)
 {
 	FILE *file = open_users(site);
 	unsigned wrong;
 	bool found;
 
+	memset(out, 0, sizeof(*out));
 	if (file == NULL) {
 		login_look(site);
 		return false;
@@ -74,11 +91,11 @@ static bool find_user(struct http_site *site, const char *name, struct web_user 
 	return found;
 }
 
-/* As slow for a name that is not there: nobody learns names by time. */
-static bool fits(const char *password, const struct web_user *user)
+/* As slow for a name that is not there, by another user of the file: nobody learns names by time. */
+static bool fits(const char *password, const struct web_user *user, bool known)
 {
 	static const struct web_user nobody = {.n = 8192, .r = 8, .p = 1, .salt_size = 16};
-	const struct web_user *by = user != NULL ? user : &nobody;
+	const struct web_user *by = user->n != 0 ? user : &nobody;
 	const uint64_t memory = UINT64_C(128) * by->n * by->r + HASH_OVERHEAD;
 	uint8_t hash[WEB_HASH_SIZE];
 	bool same;
@@ -88,7 +105,45 @@ static bool fits(const char *password, const struct web_user *user)
 		return false;
 	same = CRYPTO_memcmp(hash, by->hash, sizeof(hash)) == 0;
 	explicit_bzero(hash, sizeof(hash));
-	return same && user != NULL;
+	return same && known;
+}
+
+/* ---- the second factor ------------------------------------------------------------------- */
+
+static uint64_t hash_of(const char *name)
+{
+	uint64_t hash = UINT64_C(0xcbf29ce484222325);
+
+	for (; *name != '\0'; name++)
+		hash = (hash ^ (uint8_t)*name) * UINT64_C(0x100000001b3); /* FNV-1a */
+	return hash;
+}
+
+static bool is_code_of(const struct web_user *user, uint64_t step, const char *code)
+{
+	uint8_t counter[8], mac[EVP_MAX_MD_SIZE];
+	char right[WEB_CODE_SIZE];
+	unsigned size = 0;
+
+	for (unsigned i = 0; i < sizeof(counter); i++)
+		counter[i] = (uint8_t)(step >> 8 * (sizeof(counter) - 1 - i));
+	if (HMAC(EVP_sha1(), user->secret, user->secret_size, counter, sizeof(counter), mac, &size) == NULL ||
+	    size != WEB_MAC_SIZE)
+		return false;
+	web_code_of(mac, right);
+	return strlen(code) == WEB_CODE_SIZE - 1 && CRYPTO_memcmp(right, code, WEB_CODE_SIZE - 1) == 0;
+}
+
+/* Each code is good once. */
+static bool is_code(struct http_site *site, const struct web_user *user, const char *code)
+{
+	const struct map_clock clock = map_clock_read(site->map);
+	const uint64_t now = (uint64_t)(map_wall_ns(clock, site->now_ns) / NS_PER_S) / WEB_STEP_S;
+
+	for (uint64_t step = now - AROUND; step <= now + AROUND; step++)
+		if (is_code_of(user, step, code))
+			return web_step_use(site->used, hash_of(user->name), step);
+	return false;
 }
 
 /* ---- coming in --------------------------------------------------------------------------- */
@@ -137,14 +192,13 @@ static struct http_answer let_in(struct http_site *site, struct http_request *re
 	return set_cookie(site, answer_json(MHD_HTTP_OK, who(request->session)), request->session->token);
 }
 
-static struct http_answer keep_out(struct http_site *site, const struct http_request *request)
+static void count_failed(struct http_site *site, const struct http_request *request)
 {
 	char peer[MAP_ADDRESS_SIZE];
 
 	map_count(&site->stats->counters[WEB_COUNT_LOGINS_FAILED], 1);
 	map_address_text(&request->peer, peer);
 	map_log(site->map, MAP_LOG_WARNING, "a login from %s failed", peer);
-	return answer_refusal(MHD_HTTP_UNAUTHORIZED, "wrong", "wrong name or password");
 }
 
 static struct http_answer put_off(struct http_site *site, unsigned wait_s)
@@ -161,26 +215,56 @@ static struct http_answer put_off(struct http_site *site, unsigned wait_s)
 	return answer;
 }
 
-struct http_answer login_begin(struct http_site *site, struct http_request *request)
+/* The password was right. */
+static struct http_answer ask_code(struct http_site *site, struct http_request *request,
+				   const struct web_user *user, const char *code)
 {
-	json_t *row = json_loadb(request->body, request->size, 0, NULL);
-	const char *name, *password;
-	struct http_answer answer;
+	unsigned wait_s;
+
+	if (code[0] == '\0')
+		return answer_refusal(MHD_HTTP_UNAUTHORIZED, "code", "say a code of your second factor, too");
+	if (!web_code_begin(&site->tries, user->name, site->now_ns, &wait_s))
+		return put_off(site, wait_s);
+	if (!is_code(site, user, code)) {
+		count_failed(site, request);
+		return answer_refusal(
+		    MHD_HTTP_UNAUTHORIZED, "wrong_code",
+		    map_clock_read(site->map).set
+			? "the code is wrong, or was used already"
+			: "the code is wrong, was used already, or the gateway's clock is wrong");
+	}
+	web_code_right(&site->tries, user->name);
+	return let_in(site, request, user);
+}
+
+static struct http_answer try(struct http_site *site, struct http_request *request, const char *name,
+			      const char *password, const char *code)
+{
 	struct web_user user;
 	unsigned wait_s;
 	bool known;
 
-	if (json_unpack(row, "{s:s, s:s}", "name", &name, "password", &password) < 0) {
-		json_decref(row);
-		return answer_refusal(MHD_HTTP_BAD_REQUEST, "form", "expected name and password");
+	if (!web_try_begin(&site->tries, name, &request->peer, site->now_ns, &wait_s))
+		return put_off(site, wait_s);
+	known = find_user(site, name, &user);
+	if (!fits(password, &user, known)) {
+		count_failed(site, request);
+		return answer_refusal(MHD_HTTP_UNAUTHORIZED, "wrong", "wrong name or password");
 	}
-	if (web_may_try(&site->tries, &request->peer, site->now_ns, &wait_s)) {
-		known = find_user(site, name, &user);
-		answer = fits(password, known ? &user : NULL) ? let_in(site, request, &user)
-							      : keep_out(site, request);
-	} else {
-		answer = put_off(site, wait_s);
-	}
+	web_try_right(&site->tries, name, &request->peer);
+	return user.secret_size > 0 ? ask_code(site, request, &user, code) : let_in(site, request, &user);
+}
+
+struct http_answer login_begin(struct http_site *site, struct http_request *request)
+{
+	json_t *row = json_loadb(request->body, request->size, 0, NULL);
+	const char *name, *password, *code = "";
+	struct http_answer answer;
+
+	if (json_unpack(row, "{s:s, s:s, s?s}", "name", &name, "password", &password, "code", &code) == 0)
+		answer = try(site, request, name, password, code);
+	else
+		answer = answer_refusal(MHD_HTTP_BAD_REQUEST, "form", "expected name and password");
 	json_decref(row);
 	return answer;
 }

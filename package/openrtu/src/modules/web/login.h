@@ -9,6 +9,8 @@ http_route login_begin, login_end, login_state;
 
 /* Browsers know a cookie by its host alone: other gateways may be behind other ports. */
 void login_cookie_name(const struct http_site *site, char *out, size_t size);
+/* Ends the sessions of users whom the file does not have so any more, some seconds after it has changed. */
+void login_review(struct http_site *site);
 /* Says in the log what is wrong with the file of users. */
 void login_look(struct http_site *site);
 

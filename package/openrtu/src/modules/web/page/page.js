@@ -114,7 +114,7 @@ async function ask(path, body) {
   const answer = await fetch(path, options);
   const said = await answer.json();
   if (answer.status === 401 && path !== "/api/login") show(null);
-  if (!answer.ok) throw Object.assign(new Error(said.text), { said: true });
+  if (!answer.ok) throw Object.assign(new Error(said.text), { said: true, why: said.error });
   return said;
 }
 
@@ -429,10 +429,13 @@ async function logIn(event) {
   const form = event.target;
   $("why").hidden = true;
   try {
-    await ask("/api/login", { name: form.name.value, password: form.password.value });
+    await ask("/api/login", { name: form.name.value, password: form.password.value, code: form.code.value });
     form.reset();
+    $("code").hidden = true;
     show(await ask("/api/state"));
   } catch (error) {
+    if (error.why === "code") $("code").hidden = false;
+    if (!$("code").hidden) form.code.focus();
     $("why").textContent = error.said ? error.message : "The gateway does not answer.";
     $("why").hidden = false;
   }
