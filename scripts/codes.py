@@ -71,6 +71,10 @@ class Tree:
             table.append(Code(name.removeprefix(prefix), value, words, why[1] if why else ""))
         return table
 
+    def types(self) -> Table:
+        own, standard = self.rows("MAP_OWN_TYPES"), self.rows("MAP_STANDARD_TYPES")
+        return [*standard, *(replace(code, number=len(standard) + code.number) for code in own)]
+
     def enumeration(self, path: str, enum: str, prefix: str) -> Table:
         body = re.search(rf"enum {enum} \{{\n(.*?)\n\}};", self.read(path), re.DOTALL)
         if not body:
@@ -167,7 +171,7 @@ def centre(tree: Tree) -> str:
     flags = _constants("Flags of a record.", tree.enumeration(RECORDS, "centre_flag", "CENTRE_"))
     asked = _constants("Flags of a command.", tree.enumeration(RECORDS, "centre_request_flag", "CENTRE_"))
     qualities = _constants("What is wrong with a value: bits.", tree.rows("MAP_QUALITIES"))
-    types = "".join(f'    "{code.words}": {code.number},\n' for code in tree.rows("MAP_TYPE_ROWS"))
+    types = "".join(f'    "{code.words}": {code.number},\n' for code in tree.types())
     return _python(
         "The numbers of what rtu-centre says and is asked: docs/centre.md.",
         "IntEnum",
@@ -243,7 +247,7 @@ def mib(tree: Tree) -> str:
         return [(_mib_word(code.name), code.number + 1) for code in table]
 
     syntaxes = {
-        "RtuInformationType": ("INTEGER", numbered(tree.rows("MAP_TYPE_ROWS"))),
+        "RtuInformationType": ("INTEGER", numbered(tree.types())),
         "RtuQuality": ("BITS", _mib_quality(tree.rows("MAP_QUALITIES"))),
         "RtuCommandPhase": ("INTEGER", numbered(tree.rows("MAP_COMMAND_STATES"))),
         "RtuCommandReason": ("INTEGER", numbered(tree.rows("MAP_COMMAND_RESULTS", "MAP_RESULT_"))),

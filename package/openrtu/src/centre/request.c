@@ -28,13 +28,9 @@ bool centre_request_read(const uint8_t *octets, size_t size, struct centre_reque
 
 static bool has_value(const struct centre_request *request)
 {
-	double low, high;
+	const struct map_type_row *row = &map_types[request->type];
 
-	if (request->type >= MAP_COUNTER)
-		return false;
-	low = map_types[request->type].low;
-	high = map_types[request->type].high;
-	switch (request->type) {
+	switch ((enum map_type)request->type) {
 	case MAP_FLOAT:
 		return isfinite(request->value.f);
 	case MAP_STEP:
@@ -43,29 +39,27 @@ static bool has_value(const struct centre_request *request)
 		return request->value.u == 1 || request->value.u == 2; /* the others are not permitted */
 	case MAP_SINGLE:
 	case MAP_BITSTRING:
-		return request->value.u >= low && request->value.u <= high;
-	default:
-		return request->value.i >= low && request->value.i <= high;
+		return request->value.u >= row->low && request->value.u <= row->high;
+	case MAP_NORMALIZED:
+	case MAP_SCALED:
+		return request->value.i >= row->low && request->value.i <= row->high;
+	case MAP_COUNTER:
+		MAP_OWN_TYPES(MAP_CASE) /* there is no such command */
+		break;
 	}
+	return false;
 }
 
 static bool has_qualifier(const struct centre_request *request)
 {
-	switch (request->type) {
-	case MAP_SINGLE:
-	case MAP_DOUBLE:
-	case MAP_STEP:
-		return request->qualifier <= QU_MAX;
-	case MAP_BITSTRING:
+	if (request->type == MAP_BITSTRING)
 		return request->qualifier == 0;
-	default:
-		return request->qualifier <= QL_MAX;
-	}
+	return request->qualifier <= (map_types[request->type].class == MAP_CLASS_MEASURED ? QL_MAX : QU_MAX);
 }
 
 bool centre_request_command(const struct centre_request *request, struct iec104_command *out)
 {
-	if (!has_value(request) || !has_qualifier(request))
+	if (request->type >= MAP_TYPES || !has_value(request) || !has_qualifier(request))
 		return false;
 	*out = (struct iec104_command){.ioa = request->ioa,
 				       .type = request->type,

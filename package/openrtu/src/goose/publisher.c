@@ -5,6 +5,7 @@
 
 #include "goose/value.h"
 #include "map/time_ns.h"
+#include "map/type.h"
 
 #define ALIVE_INTERVALS 3 /* of the longest: one message may be lost, and the next be late */
 
@@ -152,7 +153,7 @@ size_t goose_publisher_send(struct goose_publisher *publisher, const uint8_t sou
 
 static union map_value longest_value(enum map_type type)
 {
-	if (type == MAP_BITSTRING)
+	if (map_types[type].form == MAP_FORM_UNSIGNED)
 		return (union map_value){.u = UINT32_MAX};
 	return (union map_value){.i = INT32_MIN};
 }

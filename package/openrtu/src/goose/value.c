@@ -10,22 +10,19 @@
 
 struct goose_item goose_value_out(enum map_type type, union map_value value)
 {
-	switch (type) {
-	case MAP_SINGLE:
+	switch (map_types[type].form) {
+	case MAP_FORM_SINGLE:
 		return (struct goose_item){.kind = GOOSE_BOOLEAN, .bits = value.u};
-	case MAP_DOUBLE:
+	case MAP_FORM_DOUBLE:
 		return (struct goose_item){.kind = GOOSE_BITS, .size = DOUBLE_SIZE, .bits = value.u};
-	case MAP_BITSTRING:
+	case MAP_FORM_UNSIGNED:
 		return (struct goose_item){.kind = GOOSE_UNSIGNED, .bits = value.u};
-	case MAP_FLOAT:
+	case MAP_FORM_FLOAT:
 		return (struct goose_item){.kind = GOOSE_FLOAT, .real = value.f};
-	case MAP_NORMALIZED:
+	case MAP_FORM_FRACTION:
 		return (struct goose_item){.kind = GOOSE_FLOAT, .real = (float)value.i / PER_NORMALIZED};
-	case MAP_STEP:
-	case MAP_SCALED:
-	case MAP_COUNTER:
-	case MAP_INTEGER:
-	case MAP_ANGLE:
+	case MAP_FORM_SIGNED:
+	case MAP_FORM_DEGREES:
 		break;
 	}
 	return (struct goose_item){.kind = GOOSE_INTEGER, .integer = value.i};
@@ -39,20 +36,14 @@ static bool whole_in(enum map_type type, double number, union map_value *out)
 
 static bool measured_in(enum map_type type, double number, union map_value *out)
 {
-	switch (type) {
-	case MAP_FLOAT:
-		return map_value_of(type, number, out);
-	case MAP_NORMALIZED:
+	if (map_types[type].form == MAP_FORM_FRACTION)
 		return map_value_of(type, map_nearest(number * (double)PER_NORMALIZED), out);
-	default:
-		return false;
-	}
+	return type == MAP_FLOAT && map_value_of(type, number, out);
 }
 
 static bool is_counted(enum map_type type)
 {
-	return type == MAP_STEP || type == MAP_BITSTRING || type == MAP_SCALED || type == MAP_COUNTER ||
-	       type == MAP_INTEGER || type == MAP_ANGLE || type == MAP_FLOAT;
+	return map_types[type].class != MAP_CLASS_STATE && map_types[type].form != MAP_FORM_FRACTION;
 }
 
 bool goose_value_in(enum map_type type, const struct goose_item *item, union map_value *out)

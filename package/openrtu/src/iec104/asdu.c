@@ -221,8 +221,7 @@ bool iec104_command_decode(uint8_t type, const uint8_t *object, struct iec104_co
 		decode_step(element[0], out);
 		break;
 	case MAP_COUNTER:
-	case MAP_INTEGER:
-	case MAP_ANGLE:
+		MAP_OWN_TYPES(MAP_CASE)
 		return false;
 	}
 	return true;
@@ -297,10 +296,18 @@ uint8_t iec104_monitor_type(const struct map_point *point, bool tagged)
 						   : types[iec104_carrier_of(point)][tagged];
 }
 
+/* A value as its carrier has it (IEEE 754 of a short float). */
+static uint32_t carried(enum map_type type, union map_value value)
+{
+	if (type != MAP_FLOAT && map_types[type].carrier == MAP_FLOAT)
+		return bits_of((float)map_number(type, value));
+	return value.u;
+}
+
 size_t iec104_element_encode(uint8_t out[IEC104_ELEMENT_MAX], enum map_type type,
 			     const struct map_sample *sample)
 {
-	switch (type) {
+	switch (map_types[type].carrier) {
 	case MAP_SINGLE: /* SIQ */
 		out[0] = (uint8_t)((sample->value.u & 0x01) | (sample->quality & QUALITY_ONLY_MASK));
 		return 1;
@@ -317,19 +324,16 @@ size_t iec104_element_encode(uint8_t out[IEC104_ELEMENT_MAX], enum map_type type
 		out[2] = sample->quality;
 		return 3;
 	case MAP_BITSTRING:
-	case MAP_INTEGER:
-	case MAP_FLOAT: /* IEEE 754, low octet first */
-		put_u32(out, sample->value.u);
-		out[4] = sample->quality;
-		return 5;
-	case MAP_ANGLE:
-		put_u32(out, bits_of((float)map_number(type, sample->value)));
+	case MAP_FLOAT:
+		put_u32(out, carried(type, sample->value));
 		out[4] = sample->quality;
 		return 5;
 	case MAP_COUNTER: /* BCR: sequence number, CY and CA of a freeze, only IV of the quality */
 		put_u32(out, sample->value.u);
 		out[4] = (uint8_t)((sample->quality & MAP_INVALID) | (sample->detail & BCR_DETAIL));
 		return 5;
+		MAP_OWN_TYPES(MAP_CASE)
+		break; /* they carry nothing */
 	}
 	return 0;
 }
@@ -377,8 +381,7 @@ size_t iec104_command_encode(uint8_t out[IEC104_ELEMENT_MAX], const struct iec10
 		put_u32(out, command->value.u);
 		return 4;
 	case MAP_COUNTER:
-	case MAP_INTEGER:
-	case MAP_ANGLE:
+		MAP_OWN_TYPES(MAP_CASE)
 		return 0;
 	}
 	return 0;

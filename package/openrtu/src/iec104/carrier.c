@@ -1,12 +1,10 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "iec104/carrier.h"
 
-#include "map/type.h"
-
 bool iec104_take_carried(const struct map_point *point, union map_value carried, union map_value *out)
 {
-	if (point->type == MAP_ANGLE)
-		return map_value_of(MAP_ANGLE, (double)carried.f, out);
+	if (point->type != MAP_FLOAT && iec104_carrier_of(point) == MAP_FLOAT)
+		return map_value_of((enum map_type)point->type, (double)carried.f, out);
 	*out = carried;
 	return true;
 }

@@ -62,8 +62,7 @@ static bool value_can_be_sent(const struct map_point *point, const struct iec104
 	case MAP_SCALED:
 	case MAP_BITSTRING:
 	case MAP_COUNTER:
-	case MAP_INTEGER:
-	case MAP_ANGLE:
+		MAP_OWN_TYPES(MAP_CASE)
 		break;
 	}
 	return command->qualifier == 0;

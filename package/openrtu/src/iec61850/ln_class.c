@@ -1,6 +1,10 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "iec61850/ln_class.h"
 
+#include <float.h>
+
+#include "map/type.h"
+
 const char *const iec61850_cdc_names[IEC61850_CDCS] = {"SPS", "DPS", "INS", "ENS", "ENC", "ACT",
 						       "ACD", "BCR", "MV",  "SPC", "DPC", "INC",
 						       "BSC", "ISC", "APC", "LPL", "DPL", "MV"};
@@ -175,55 +179,69 @@ const struct iec61850_ln_class iec61850_ln_classes[] = {
 };
 const size_t iec61850_ln_class_count = COUNT(iec61850_ln_classes);
 
-#define TYPE(type) (1u << (type))
-#define WHOLE      (TYPE(MAP_STEP) | TYPE(MAP_BITSTRING) | TYPE(MAP_INTEGER))
-#define REAL       (TYPE(MAP_NORMALIZED) | TYPE(MAP_SCALED) | TYPE(MAP_FLOAT) | TYPE(MAP_ANGLE))
+bool iec61850_is_whole(enum map_type type)
+{
+	const struct map_type_row *row = &map_types[type];
+
+	return row->class == MAP_CLASS_POSITION || row->class == MAP_CLASS_PATTERN ||
+	       (row->class == MAP_CLASS_MEASURED && row->form == MAP_FORM_SIGNED &&
+		row->width > FLT_MANT_DIG);
+}
 
 struct iec61850_data iec61850_default_data(const struct map_point *point)
 {
 	const bool command = (point->flags & MAP_POINT_COMMAND) != 0;
 
-	switch ((enum map_type)point->type) {
-	case MAP_SINGLE:
-		return command ? (struct iec61850_data)IS("SPCSO", SPC)
-			       : (struct iec61850_data)IS("Ind", SPS);
-	case MAP_DOUBLE:
-		return (struct iec61850_data)IS("DPCSO", DPC);
-	case MAP_STEP:
-	case MAP_BITSTRING:
-	case MAP_INTEGER:
+	if (iec61850_is_whole(point->type))
 		return command ? (struct iec61850_data)IS("ISCSO", INC)
 			       : (struct iec61850_data)IS("IntIn", INS);
-	case MAP_NORMALIZED:
-	case MAP_SCALED:
-	case MAP_FLOAT:
-	case MAP_ANGLE:
+	switch (map_class_of(point)) {
+	case MAP_CLASS_STATE:
+		if (point->type == MAP_DOUBLE)
+			return (struct iec61850_data)IS("DPCSO", DPC);
+		return command ? (struct iec61850_data)IS("SPCSO", SPC)
+			       : (struct iec61850_data)IS("Ind", SPS);
+	case MAP_CLASS_MEASURED:
 		return command ? (struct iec61850_data)IS("AnOut", APC)
 			       : (struct iec61850_data)IS("AnIn", MV);
-	case MAP_COUNTER:
+	case MAP_CLASS_POSITION:
+	case MAP_CLASS_PATTERN:
+	case MAP_CLASS_TOTAL:
 		break;
 	}
 	return (struct iec61850_data)IS("CntVal", BCR);
 }
 
-bool iec61850_cdc_takes(enum iec61850_cdc cdc, unsigned type)
+bool iec61850_cdc_takes(enum iec61850_cdc cdc, enum map_type type)
 {
-	static const uint32_t types[IEC61850_CDCS] = {
-	    [IEC61850_SPS] = TYPE(MAP_SINGLE),
-	    [IEC61850_DPS] = TYPE(MAP_DOUBLE),
-	    [IEC61850_INS] = WHOLE,
-	    [IEC61850_ENS] = WHOLE,
-	    [IEC61850_ACT] = TYPE(MAP_SINGLE),
-	    [IEC61850_ACD] = TYPE(MAP_SINGLE),
-	    [IEC61850_BCR] = TYPE(MAP_COUNTER),
-	    [IEC61850_MV] = REAL | TYPE(MAP_INTEGER),
-	    [IEC61850_SPC] = TYPE(MAP_SINGLE),
-	    [IEC61850_DPC] = TYPE(MAP_DOUBLE),
-	    [IEC61850_INC] = WHOLE,
-	    [IEC61850_BSC] = TYPE(MAP_STEP),
-	    [IEC61850_ISC] = TYPE(MAP_STEP),
-	    [IEC61850_APC] = REAL,
-	};
-
-	return (types[cdc] & TYPE(type)) != 0;
+	switch (cdc) {
+	case IEC61850_SPS:
+	case IEC61850_ACT:
+	case IEC61850_ACD:
+	case IEC61850_SPC:
+		return type == MAP_SINGLE;
+	case IEC61850_DPS:
+	case IEC61850_DPC:
+		return type == MAP_DOUBLE;
+	case IEC61850_INS:
+	case IEC61850_ENS:
+	case IEC61850_INC:
+		return iec61850_is_whole(type);
+	case IEC61850_BSC:
+	case IEC61850_ISC:
+		return type == MAP_STEP;
+	case IEC61850_BCR:
+		return type == MAP_COUNTER;
+	case IEC61850_MV:
+		return map_types[type].class == MAP_CLASS_MEASURED;
+	case IEC61850_APC:
+		return map_types[type].class == MAP_CLASS_MEASURED && !iec61850_is_whole(type);
+	case IEC61850_ENC:
+	case IEC61850_LPL:
+	case IEC61850_DPL:
+	case IEC61850_MV_RANGE:
+	case IEC61850_CDCS:
+		break;
+	}
+	return false;
 }

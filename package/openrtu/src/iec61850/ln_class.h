@@ -85,6 +85,8 @@ static inline enum iec61850_cdc iec61850_cdc_of(const struct iec61850_data *data
 									     : (enum iec61850_cdc)data->cdc;
 }
 /* Whether a point of this type can be data of this class. */
-bool iec61850_cdc_takes(enum iec61850_cdc cdc, unsigned type);
+bool iec61850_cdc_takes(enum iec61850_cdc cdc, enum map_type type);
+/* It is told as an integer: it counts, or a FLOAT32 would not hold all its bits. */
+bool iec61850_is_whole(enum map_type type);
 
 #endif

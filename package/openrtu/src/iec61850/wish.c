@@ -56,36 +56,39 @@ static bool take_number(const struct map_point *point, int64_t number, union map
 	return point->type != MAP_STEP || (number >= STEP_LOW && number <= STEP_HIGH);
 }
 
-static bool read_value(const struct map_point *point, struct ber_reader *reader, struct iec61850_wish *out)
+static bool read_whole(const struct map_point *point, struct ber_reader *reader, struct iec61850_wish *out)
 {
 	struct ber_element element;
 	int64_t number;
+
+	if (!ber_expect(reader, IEC61850_TAG_INTEGER, &element) || !ber_integer(&element, &number))
+		return false;
+	out->out_of_range = !take_number(point, number, &out->value);
+	return true;
+}
+
+static bool read_value(const struct map_point *point, struct ber_reader *reader, struct iec61850_wish *out)
+{
 	float real;
 	bool on;
 
-	switch ((enum map_type)point->type) {
-	case MAP_SINGLE:
-	case MAP_DOUBLE:
+	switch (map_class_of(point)) {
+	case MAP_CLASS_STATE:
 		if (!read_boolean(reader, &on))
 			return false;
 		out->value.u = point->type == MAP_DOUBLE ? (on ? ON : OFF) : on;
 		return true;
-	case MAP_STEP:
-	case MAP_BITSTRING:
-	case MAP_INTEGER:
-		if (!ber_expect(reader, IEC61850_TAG_INTEGER, &element) || !ber_integer(&element, &number))
-			return false;
-		out->out_of_range = !take_number(point, number, &out->value);
-		return true;
-	case MAP_NORMALIZED:
-	case MAP_SCALED:
-	case MAP_FLOAT:
-	case MAP_ANGLE:
+	case MAP_CLASS_POSITION:
+	case MAP_CLASS_PATTERN:
+		return read_whole(point, reader, out);
+	case MAP_CLASS_MEASURED:
+		if (iec61850_is_whole(point->type))
+			return read_whole(point, reader, out);
 		if (!read_float(reader, &real))
 			return false;
 		out->out_of_range = !take_real(point, (double)real, &out->value);
 		return true;
-	case MAP_COUNTER:
+	case MAP_CLASS_TOTAL:
 		break;
 	}
 	return false;

@@ -66,34 +66,39 @@
 	ROW(MAP_LOG_DEBUG, 3, "debug")
 
 /*
- * What each type of a point is, in the order of their numbers; enum map_class and enum map_form are in map/type.h: name, word in
- * the configuration, bits, class, form, least and greatest value as it lies in union map_value, what people may write
+ * The types of points that IEC 60870-5-101 has, in the order of their numbers: name, word in the configuration, bits, class and
+ * form (map/type.h), least and greatest value as it lies in union map_value, what people may write
  */
-#define MAP_TYPE_ROWS(ROW)                                                                                            \
-	ROW(MAP_SINGLE, "single", 1, MAP_CLASS_STATE, MAP_FORM_SINGLE, 0, 1, "on or off") /* value.u 0, 1 */          \
-	ROW(MAP_DOUBLE, "double", 2, MAP_CLASS_STATE, MAP_FORM_DOUBLE, 0, 3,                                          \
-	    "on or off") /* value.u 0 intermediate, 1 off, 2 on, 3 indeterminate */                                   \
-	ROW(MAP_STEP, "step", 7, MAP_CLASS_POSITION, MAP_FORM_SIGNED, -64, 63,                                        \
-	    "an integer from -64 to 63") /* value.i -64..63, detail bit 0: transient */                               \
-	ROW(MAP_BITSTRING, "bitstring", 32, MAP_CLASS_PATTERN, MAP_FORM_UNSIGNED, 0, UINT32_MAX,                      \
-	    "an integer from 0 to 0xffffffff") /* value.u, 32 bits */                                                 \
-	ROW(MAP_NORMALIZED, "normalized", 16, MAP_CLASS_MEASURED, MAP_FORM_FRACTION, INT16_MIN, INT16_MAX,            \
-	    "a number from -1 to 0.99997") /* value.i -32768..32767, the wire's NVA: value / 32768 */                 \
-	ROW(MAP_SCALED, "scaled", 16, MAP_CLASS_MEASURED, MAP_FORM_SIGNED, INT16_MIN, INT16_MAX,                      \
-	    "an integer from -32768 to 32767") /* value.i -32768..32767 */                                            \
-	ROW(MAP_FLOAT, "float", 32, MAP_CLASS_MEASURED, MAP_FORM_FLOAT, -FLT_MAX, FLT_MAX,                            \
-	    "a number") /* value.f */                                                                                 \
-	ROW(MAP_COUNTER, "counter", 32, MAP_CLASS_TOTAL, MAP_FORM_SIGNED, INT32_MIN, INT32_MAX,                       \
-	    "an integer from -2147483648 to 2147483647") /* value.i, 32 bits */                                       \
-	ROW(MAP_INTEGER, "integer", 32, MAP_CLASS_MEASURED, MAP_FORM_SIGNED, INT32_MIN, INT32_MAX,                    \
-	    "an integer from -2147483648 to 2147483647") /* value.i, 32 bits: a measured value that keeps them all */ \
-	ROW(MAP_ANGLE, "angle", 32, MAP_CLASS_MEASURED, MAP_FORM_DEGREES, -180.0 * MAP_ANGLE_PER_DEGREE,              \
-	    180.0 * MAP_ANGLE_PER_DEGREE,                                                                             \
-	    "degrees from -180 to 180") /* value.i, 1e-7 degree: a float would be a metre coarse */
+#define MAP_STANDARD_TYPES(ROW)                                                                              \
+	ROW(MAP_SINGLE, "single", 1, STATE, SINGLE, 0, 1, "on or off")                                       \
+	ROW(MAP_DOUBLE, "double", 2, STATE, DOUBLE, 0, 3, "on or off")                                       \
+	ROW(MAP_STEP, "step", 7, POSITION, SIGNED, -64, 63, "an integer from -64 to 63")                     \
+	ROW(MAP_BITSTRING, "bitstring", 32, PATTERN, UNSIGNED, 0, UINT32_MAX,                                \
+	    "an integer from 0 to 0xffffffff")                                                               \
+	ROW(MAP_NORMALIZED, "normalized", 16, MEASURED, FRACTION, INT16_MIN, INT16_MAX,                      \
+	    "a number from -1 to 0.99997")                                                                   \
+	ROW(MAP_SCALED, "scaled", 16, MEASURED, SIGNED, INT16_MIN, INT16_MAX,                                \
+	    "an integer from -32768 to 32767")                                                               \
+	ROW(MAP_FLOAT, "float", 32, MEASURED, FLOAT, -FLT_MAX, FLT_MAX, "a number")                          \
+	ROW(MAP_COUNTER, "counter", 32, TOTAL, SIGNED, INT32_MIN, INT32_MAX,                                 \
+	    "an integer from -2147483648 to 2147483647")
 
-/* An enumerator, and a text by its number, of a row; a row of a type has no number but its place. */
+/*
+ * And our own, which no object of Modbus and no ASDU of the standard has; before what people may write, the type that carries
+ * one to a controlling station. It comes as the carrier's value: an angle in degrees, of a bitstring the 32 bits.
+ */
+#define MAP_OWN_TYPES(ROW)                                                                                   \
+	ROW(MAP_INTEGER, "integer", 32, MEASURED, SIGNED, INT32_MIN, INT32_MAX, MAP_BITSTRING,               \
+	    "an integer from -2147483648 to 2147483647") /* a measured value that keeps all bits */          \
+	ROW(MAP_ANGLE, "angle", 32, MEASURED, DEGREES, -180.0 * MAP_ANGLE_PER_DEGREE,                        \
+	    180.0 * MAP_ANGLE_PER_DEGREE, MAP_FLOAT,                                                         \
+	    "degrees from -180 to 180") /* a float would be a metre coarse */
+
+/* Of a row: an enumerator, a text by its number; a type, which has no number but its place, and its label in a switch. */
 #define MAP_CODE(name, number, words)  name = number,
 #define MAP_WORDS(name, number, words) [number] = words,
+#define MAP_TYPE_CODE(name, ...)       name,
+#define MAP_CASE(name, ...)            case name:
 #define MAP_OR_CODE(name, ...)         | name
 
 #endif

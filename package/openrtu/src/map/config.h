@@ -34,11 +34,10 @@ static inline map_modules map_module_bit(uint32_t module)
 #define MAP_FILE_SIZE 128 /* a file's path */
 
 /* The information types of the project report's tables 4.1 and 4.2, and two that no Modbus register has. */
-#define MAP_CODE_OF_TYPE(name, ...) name,
-#define MAP_ONE_MORE(...)           +1
-enum map_type { MAP_TYPE_ROWS(MAP_CODE_OF_TYPE) };
+enum map_type { MAP_STANDARD_TYPES(MAP_TYPE_CODE) MAP_OWN_TYPES(MAP_TYPE_CODE) };
 
-#define MAP_TYPES            (0 MAP_TYPE_ROWS(MAP_ONE_MORE))
+#define MAP_ONE_MORE(...)    +1
+#define MAP_TYPES            (0 MAP_STANDARD_TYPES(MAP_ONE_MORE) MAP_OWN_TYPES(MAP_ONE_MORE))
 #define MAP_ANGLE_PER_DEGREE 10000000
 
 #define MAP_POSITION_POINTS 4

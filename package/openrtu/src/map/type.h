@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
  * What each type of a point is: one row. Whatever differs from type to type is a column here, or a switch without
- * default, so that the compiler finds what a new type lacks.
+ * default, so that the compiler finds what a new type lacks. The rows are in map/codes.h.
  */
 #ifndef OPENRTU_MAP_TYPE_H
 #define OPENRTU_MAP_TYPE_H
@@ -32,7 +32,9 @@ struct map_type_row {
 	uint8_t width;    /* bits of a value */
 	enum map_class class;
 	enum map_form form;
-	double low, high;     /* the least and the greatest value, as it lies in union map_value */
+	double low, high; /* the least and the greatest value, as it lies in union map_value */
+	enum map_type
+	    carrier; /* the type of IEC 60870-5-101 that carries one; of those that it has, the same */
 	const char *expected; /* what people may write, in words */
 };
 

@@ -390,28 +390,23 @@ static bool take_value(const struct map_point *point, uint8_t qualifier, int64_t
 		request->step = value == 1 ? -1 : 1;
 		return point->step > 0 && (value == 1 || value == 2);
 	}
-	switch ((enum map_type)point->type) {
-	case MAP_SINGLE:
+	switch (map_types[point->type].form) {
+	case MAP_FORM_SINGLE:
 		request->value.u = (uint32_t)value - 1;
 		return value == 1 || value == 2;
-	case MAP_DOUBLE:
+	case MAP_FORM_DOUBLE:
 		request->value.u = (uint32_t)value - 1;
 		return value == 2 || value == 3;
-	case MAP_BITSTRING:
+	case MAP_FORM_UNSIGNED:
 		request->value.i = (int32_t)value;
 		return true;
-	case MAP_FLOAT:
-		return map_value_of(MAP_FLOAT, (double)value / snmp_scale(snmp_decimals(point)),
+	case MAP_FORM_FLOAT:
+		return map_value_of(point->type, (double)value / snmp_scale(snmp_decimals(point)),
 				    &request->value);
-	case MAP_ANGLE:
-		return map_value_of(MAP_ANGLE, (double)value / MAP_ANGLE_PER_DEGREE, &request->value);
-	case MAP_STEP:
-		request->value.i = (int32_t)value;
-		return value >= -64 && value <= 63;
-	case MAP_NORMALIZED:
-	case MAP_SCALED:
-	case MAP_COUNTER:
-	case MAP_INTEGER:
+	case MAP_FORM_DEGREES:
+		return map_value_of(point->type, (double)value / MAP_ANGLE_PER_DEGREE, &request->value);
+	case MAP_FORM_SIGNED:
+	case MAP_FORM_FRACTION:
 		break;
 	}
 	return map_value_of(point->type, (double)value, &request->value);

@@ -92,20 +92,17 @@ static int64_t scaled_float(float value, unsigned decimals)
 
 int64_t snmp_shown_value(enum map_type type, unsigned decimals, union map_value value)
 {
-	switch (type) {
-	case MAP_SINGLE:
-	case MAP_DOUBLE:
+	switch (map_types[type].form) {
+	case MAP_FORM_SINGLE:
+	case MAP_FORM_DOUBLE:
 		return (int64_t)value.u + 1;
-	case MAP_BITSTRING:
+	case MAP_FORM_UNSIGNED:
 		return value.u;
-	case MAP_FLOAT:
+	case MAP_FORM_FLOAT:
 		return scaled_float(value.f, decimals);
-	case MAP_STEP:
-	case MAP_NORMALIZED:
-	case MAP_SCALED:
-	case MAP_COUNTER:
-	case MAP_INTEGER:
-	case MAP_ANGLE:
+	case MAP_FORM_SIGNED:
+	case MAP_FORM_FRACTION:
+	case MAP_FORM_DEGREES:
 		break;
 	}
 	return value.i;

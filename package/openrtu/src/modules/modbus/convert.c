@@ -344,8 +344,7 @@ void convert_to_sample(const struct modbus_point *point, const struct modbus_kno
 	case MAP_COUNTER:
 		numeric(point, knots, exponent, join(point, raw), sample);
 		break;
-	case MAP_INTEGER: /* no object has them: modbus_type_names */
-	case MAP_ANGLE:
+		MAP_OWN_TYPES(MAP_CASE) /* no object has them: modbus_type_names */
 		*sample = (struct map_sample){.quality = MAP_INVALID, .time_ns = sample->time_ns};
 		break;
 	}
@@ -422,8 +421,7 @@ bool convert_to_raw(const struct modbus_point *point, const struct modbus_knot *
 		return put_number(point, knots, exponent, (double)value.f, raw);
 	case MAP_COUNTER:
 		return put_number(point, knots, exponent, value.i, raw);
-	case MAP_INTEGER:
-	case MAP_ANGLE:
+		MAP_OWN_TYPES(MAP_CASE)
 		break;
 	}
 	return false;
