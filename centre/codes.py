@@ -26,20 +26,6 @@ SUBSTITUTED = 0x20
 BLOCKED = 0x10
 OVERFLOW = 0x01
 
-# Types of points, by their word.
-TYPES = {
-    "single": 0,
-    "double": 1,
-    "step": 2,
-    "bitstring": 3,
-    "normalized": 4,
-    "scaled": 5,
-    "float": 6,
-    "counter": 7,
-    "integer": 8,
-    "angle": 9,
-}
-
 
 class Kind(IntEnum):
     """Of a record."""

@@ -10,7 +10,6 @@ from openrtu_tools.centre.codes import (
     SELECT,
     TAGGED,
     TIME_INVALID,
-    TYPES,
     Ask,
     Cause,
     Content,
@@ -18,6 +17,7 @@ from openrtu_tools.centre.codes import (
     State,
 )
 from openrtu_tools.centre.errors import CentreError
+from openrtu_tools.codes import TYPES
 
 MAGIC = b"RTU1"
 HEADER = struct.Struct("<4sHHQ")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The numbers that C shares with Python, JavaScript, the MIB and the pages: C's are the source.
+"""The numbers that C shares with Python, JavaScript, the MIB, the schema and the pages: C's are the source.
 
 codes.py [TREE]: writes what is made from them into the tree, and names each file that changed.
 tests/test_codes.py compares.
@@ -160,6 +160,21 @@ def library(tree: Tree) -> str:
     )
 
 
+def tools(tree: Tree) -> str:
+    """openrtu_tools/codes.py: by the words that people read."""
+
+    def words(text: str, name: str, table: Table, hexadecimal: bool) -> str:
+        lines = "".join(f'    "{code.words}": {_shown(code, hexadecimal)},\n' for code in table)
+        return f"# {text}\n{name} = {{\n{lines}}}\n"
+
+    qualities = words(
+        "A value's qualities, the worst first: bits.", "QUALITIES", tree.rows("MAP_QUALITIES"), True
+    )
+    types = words("Types of points.", "TYPES", tree.types(), False)
+    head = f'# SPDX-License-Identifier: GPL-3.0-or-later\n"""Numbers by their words.\n\n{MADE}\n"""\n'
+    return f"{head}\n{qualities}\n{types}"
+
+
 def centre(tree: Tree) -> str:
     """centre/codes.py: of what rtu-centre says."""
 
@@ -171,12 +186,11 @@ def centre(tree: Tree) -> str:
     flags = _constants("Flags of a record.", tree.enumeration(RECORDS, "centre_flag", "CENTRE_"))
     asked = _constants("Flags of a command.", tree.enumeration(RECORDS, "centre_request_flag", "CENTRE_"))
     qualities = _constants("What is wrong with a value: bits.", tree.rows("MAP_QUALITIES"))
-    types = "".join(f'    "{code.words}": {code.number},\n' for code in tree.types())
     return _python(
         "The numbers of what rtu-centre says and is asked: docs/centre.md.",
         "IntEnum",
         [
-            f"{flags}\n{asked}\n{qualities}\n# Types of points, by their word.\nTYPES = {{\n{types}}}\n",
+            f"{flags}\n{asked}\n{qualities}",
             enumeration("Kind", "Of a record.", RECORDS, "centre_kind", "CENTRE_"),
             enumeration("Link", "Of a station.", RECORDS, "centre_link", "CENTRE_"),
             _class("State", "The ten states of a command.", tree.rows("MAP_COMMAND_STATES")),
@@ -270,11 +284,86 @@ def mib(tree: Tree) -> str:
     return text
 
 
+# ---- openrtu.h -----------------------------------------------------------------------------------
+
+
+def _aligned(lines: list[tuple[str, str]]) -> list[str]:
+    """Each with its comment; those of neighbours begin in one column, as clang-format has it."""
+    made: list[str] = []
+    for number, (line, why) in enumerate(lines):
+        run = [line]
+        for step in (-1, 1):
+            at = number + step
+            while 0 <= at < len(lines) and lines[at][1]:
+                run.append(lines[at][0])
+                at += step
+        made.append(f"{line.ljust(max(map(len, run)))} /* {why} */" if why else line)
+    return made
+
+
+def _enum(name: str, table: Table) -> str:
+    last = table[-1]
+    lines = [(f"\tOPENRTU_{code.name}{'' if code is last else ','}", code.why) for code in table]
+    return f"enum {name} {{\n" + "\n".join(_aligned(lines)) + "\n};"
+
+
+def header(tree: Tree) -> str:
+    text = tree.read(SRC + "lib/openrtu.h")
+    qualities = [Code("GOOD", 0), *tree.rows("MAP_QUALITIES")[::-1]]
+    width = max(len(code.name) for code in qualities)
+    lines = [(f"#define OPENRTU_{code.name:{width}} 0x{code.number:02x}u", code.why) for code in qualities]
+    defines = "\n".join(_aligned(lines)) + "\n"
+    text = re.sub(r"#define OPENRTU_GOOD .*?\n(?=\n)", lambda _: defines, text, count=1, flags=re.DOTALL)
+    for name, table in {
+        "openrtu_state": tree.rows("MAP_COMMAND_STATES"),
+        "openrtu_result": tree.rows("MAP_COMMAND_RESULTS", "MAP_RESULT_"),
+    }.items():
+        made = _enum(name, table)
+        text = re.sub(rf"enum {name} \{{\n.*?\n\}};", lambda _, to=made: to, text, count=1, flags=re.DOTALL)
+    return text
+
+
+# ---- the schema and the pages --------------------------------------------------------------------
+
+
+def _with_types(tree: Tree, text: str, quote: str) -> str:
+    """Where all types are listed, those that there are. The standard's alone stand in other lists."""
+    words = [f"{quote}{code.words}{quote}" for code in tree.types()]
+    begin = ", ".join(words[: len(tree.rows("MAP_STANDARD_TYPES")) + 1])
+    return re.sub(rf"{re.escape(begin)}(, {quote}\w+{quote})*", ", ".join(words), text)
+
+
+def schema(tree: Tree) -> str:
+    return _with_types(tree, tree.read(SRC + "rtud/config.schema.json"), '"')
+
+
+def configuration(tree: Tree) -> str:
+    return _with_types(tree, tree.read("docs/configuration.md"), "`")
+
+
+def consumer(tree: Tree) -> str:
+    """docs/centre.md: what begins with the first number of a table and its word, and goes on so."""
+    text = tree.read("docs/centre.md")
+    for table in (
+        tree.enumeration(RECORDS, "centre_kind", "CENTRE_"),
+        tree.enumeration(RECORDS, "centre_request_kind", "CENTRE_"),
+        sorted(tree.rows("MAP_QUALITIES"), key=lambda code: code.number),
+    ):
+        words = [f"{code.number} {code.name.lower().replace('_', ' ')}" for code in table]
+        text = re.sub(rf"(?<=: ){words[0]}(, \d+ [a-z]+( [a-z]+)*)+", ", ".join(words), text, count=1)
+    return text
+
+
 MAKERS: dict[str, Callable[[Tree], str]] = {
     "package/openrtu/python/openrtu/codes.py": library,
+    "scripts/openrtu_tools/codes.py": tools,
     "centre/codes.py": centre,
     "centre/page/js/codes.js": page,
     SRC + "snmp/OPENRTU-MIB.txt": mib,
+    SRC + "lib/openrtu.h": header,
+    SRC + "rtud/config.schema.json": schema,
+    "docs/configuration.md": configuration,
+    "docs/centre.md": consumer,
 }
 
 

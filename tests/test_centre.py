@@ -23,7 +23,8 @@ import pytest
 
 from desk import Desk
 from lab.gateway import free_port, remove, run_directory
-from peers.centre_consumer import Ask, Consumer, Flag, Kind, Link, Record, Result, State
+from openrtu_tools.centre.codes import Ask, Kind, Link, Result, State
+from peers.centre_consumer import Consumer, Flag, Record
 from peers.outstation import ACT, ACT_CON, INTERROGATED, NEGATIVE, Outstation, asdu
 from peers.tls_gateway import STATION, Pki, gateway_with, public_keys
 
@@ -283,7 +284,7 @@ def test_our_own_station(desk: Desk, centre: Start) -> None:
     consumer.send(Ask.READ, id=9, ca=ca, ioa=999_999)
     state, result, _ = consumer.until_progress(9, State.REFUSED_COMMAND).progress
     assert (state, result) == (State.REFUSED_COMMAND, Result.EXCEPTION)
-    consumer.send(Ask.TEST, id=10, ca=ca, value=0xAA55)
+    consumer.send(Ask.TEST_COMMAND, id=10, ca=ca, value=0xAA55)
     assert consumer.until_progress(10, State.EXECUTED_COMMAND).progress[1] == Result.DONE
     consumer.send(Ask.RESET, id=11, ca=ca, qualifier=99)  # there is none
     assert consumer.until_progress(11, State.REFUSED_COMMAND).progress[1] == Result.EXCEPTION
@@ -294,7 +295,7 @@ def test_reset_and_test_as_the_station_gets_them(centre: Start) -> None:
         consumer = centre([station("a", below.port, interrogate_at_start=False)]).consumer()
         consumer.until_link(0, Link.UP)
         consumer.send(Ask.RESET, id=1, ca=CA, qualifier=1)
-        consumer.send(Ask.TEST, id=2, ca=CA, value=0xAA55)
+        consumer.send(Ask.TEST_COMMAND, id=2, ca=CA, value=0xAA55)
         for number in (1, 2):
             assert consumer.until_progress(number, State.EXECUTED_COMMAND).progress[1] == Result.DONE
         reset, test = below.asked

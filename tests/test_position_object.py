@@ -14,7 +14,8 @@ from lab.gateway import Gateway, remove, run_directory
 from lab.master import Master
 from lab.raw_master import STARTDT_ACT, STARTDT_CON, RawMaster
 from lab.receiver import Receiver, burst
-from peers.centre_consumer import Kind, Record
+from openrtu_tools.centre.codes import Kind
+from peers.centre_consumer import Record
 from test_centre import Centre
 from test_gps import ALTITUDE, CA, DEPOT, FIX, LATITUDE, LONGITUDE, METRE, Drive, config, driving, now
 from test_station_controlling import Asking

@@ -19,6 +19,7 @@ import pytest
 from lab.gateway import free_port
 from lab.manager import CENTRE, ENGINE, ENGINEER, USERS, WATCH, Refused, Silent, User, columns, oid
 from lab.patience import Deadline
+from openrtu_tools.codes import QUALITIES
 from snmp import BREAKER, CYCLIC, METER_POWER, ON, POWER_FACTOR, SELECT, Site, bulk, relayed, site_of
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -102,7 +103,6 @@ VALUES = {
     "float": ("rtuMeasured", None),
     "counter": ("rtuTotal", int),
 }
-BITS = {"invalid": 0x80, "not topical": 0x40, "substituted": 0x20, "blocked": 0x10, "overflow": 0x01}
 
 
 @pytest.mark.slow
@@ -119,7 +119,7 @@ def test_every_point_is_as_rtuctl_says(site: Site) -> None:
     for index, (name, point) in by_address.items():
         base, shown = VALUES[point["type"]]
         values, qualities = columns_of[base]
-        quality = sum(BITS[word] for word in point["quality"].split(",") if word != "good")
+        quality = sum(QUALITIES[word] for word in point["quality"].split(",") if word != "good")
         assert qualities[index] == bytes([quality]), name
         if not quality and shown is not None:
             assert values[index] == shown(point["value"]), name

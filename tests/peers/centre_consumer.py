@@ -8,9 +8,12 @@ import struct
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from enum import IntEnum, IntFlag
+from enum import IntFlag
 from pathlib import Path
 from typing import Self
+
+from openrtu_tools.centre import codes
+from openrtu_tools.centre.codes import Ask, Kind, Link, Result, State
 
 MAGIC = b"RTU1"
 HEADER = struct.Struct("<4sHHQ")
@@ -21,71 +24,12 @@ PACKET_MAX = 65536
 LIMIT_S = 60.0  # for a hang only
 
 
-class Kind(IntEnum):
-    STATION = 1
-    LINK = 2
-    INFORMATION = 3
-    POSITION = 4
-    PROGRESS = 5
-    OTHER = 6
-
-
 class Flag(IntFlag):
-    LAST = 1
-    TEST = 2
-    TAGGED = 4
-    TIME_INVALID = 8
-    NEGATIVE = 16
-
-
-class Link(IntEnum):
-    CONNECTING = 1
-    UP = 3
-    DOWN = 4
-    STANDBY = 5
-
-
-class State(IntEnum):
-    """enum map_command_state"""
-
-    INACTIVE = 0
-    SELECTION_REQUEST = 1
-    ACCEPTED_SELECTION = 2
-    REFUSED_SELECTION = 3
-    INTERRUPTION_REQUEST = 4
-    INTERRUPTED_SELECTION = 5
-    EXECUTION_REQUEST = 6
-    EXECUTING = 7
-    REFUSED_COMMAND = 8
-    EXECUTED_COMMAND = 9
-
-
-class Result(IntEnum):
-    """enum map_command_result, enum centre_result"""
-
-    NONE = 0
-    DONE = 1
-    EXCEPTION = 2
-    TIMEOUT = 3
-    INTERLOCK = 6
-    OUT_OF_RANGE = 7
-    UNKNOWN_FATE = 9
-    NOT_UP = 64
-    BUSY = 65
-    NOT_KNOWN = 66
-
-
-class Ask(IntEnum):
-    ACKNOWLEDGE = 1
-    COMMAND = 2
-    EXECUTE = 3
-    CANCEL = 4
-    INTERROGATE = 5
-    COUNTERS = 6
-    READ = 7
-    SET_CLOCK = 8
-    TEST = 9
-    RESET = 10
+    LAST = codes.LAST
+    TEST = codes.TEST
+    TAGGED = codes.TAGGED
+    TIME_INVALID = codes.TIME_INVALID
+    NEGATIVE = codes.NEGATIVE
 
 
 @dataclass(frozen=True)

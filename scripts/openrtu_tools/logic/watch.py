@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from openrtu_tools.codes import QUALITIES
 from openrtu_tools.logic.binary import Program, String, encode
 from openrtu_tools.logic.desk import Value
 from openrtu_tools.logic.errors import LogicError
@@ -26,7 +27,6 @@ SILENT = re.compile(r"\(\*.*?\*\)|//[^\n]*|'[^'\n]*'", re.DOTALL)  # comments an
 WORD = re.compile(r"\w+#[\w.#:-]+|(?<![\w.])[A-Za-z_]\w*(?:\.[A-Za-z_]\w*|\[[^\[\]]*\])*|[()]")
 INDEX = re.compile(r"\[([^\[\]]*)\]")
 FORMAL = re.compile(r"\s*(:=|=>)")
-FLAGS = {0x80: "invalid", 0x40: "not topical", 0x20: "substituted", 0x10: "blocked", 0x01: "overflow"}
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ def shown_inside(sight: Sight, inside: Inside) -> str | None:
     if value is None:
         return None
     name = sight.name if path == sight.path else f"{sight.name}{path[path.index('[') :]}"
-    notes = [word for flag, word in FLAGS.items() if value.quality & flag]
+    notes = [word for word, bit in QUALITIES.items() if value.quality & bit]
     return f"{name}={inside.text(path)}" + (f" ({', '.join(notes)})" if notes else "")
 
 

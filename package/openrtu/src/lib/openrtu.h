@@ -145,13 +145,13 @@ enum openrtu_state {
 /* Why it is in this state. */
 enum openrtu_result {
 	OPENRTU_NONE,
-	OPENRTU_DONE,         /* with OPENRTU_EXECUTING: the device has confirmed it, and it goes on */
-	OPENRTU_EXCEPTION,    /* the device refused */
-	OPENRTU_TIMEOUT,      /* the device did not answer: it may or may not have acted */
-	OPENRTU_TOO_OLD,      /* not begun in time */
-	OPENRTU_NOT_SELECTED, /* it needs a selection */
-	OPENRTU_INTERLOCK, /* the point is selected or commanded by another, or its owner does not want it now */
-	OPENRTU_OUT_OF_RANGE,
+	OPENRTU_DONE,            /* while executing: the device has confirmed it, and it goes on */
+	OPENRTU_EXCEPTION,       /* the device refused */
+	OPENRTU_TIMEOUT,         /* the device did not answer: it may or may not have acted */
+	OPENRTU_TOO_OLD,         /* not begun in time */
+	OPENRTU_NOT_SELECTED,    /* it needs a selection */
+	OPENRTU_INTERLOCK,       /* another has the point, or its owner refuses it */
+	OPENRTU_OUT_OF_RANGE,    /* the point cannot hold this value */
 	OPENRTU_NOT_COMMANDABLE, /* or its owner does not run */
 	OPENRTU_UNKNOWN_FATE,    /* the owner died: it may or may not have acted */
 	OPENRTU_NO_SCALE         /* the device's scale is not known */

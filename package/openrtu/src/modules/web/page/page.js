@@ -59,13 +59,10 @@ function table(title, columns, empty, kind) {
 
 // ---- words -------------------------------------------------------------------------------------
 
-const LETTERS = { "invalid": "I", "not topical": "N", "blocked": "B", "substituted": "S", "overflow": "O" };
-
-// A quality by colour, letter and word: the worst comes first.
+// A quality by colour, letter and word: of several the worst comes first.
 function quality(words) {
-  if (words === "good") return { kind: "good", letter: "G", word: words };
-  const first = Object.keys(LETTERS).find((word) => words.split(",").includes(word));
-  return { kind: first === "invalid" ? "bad" : "old", letter: LETTERS[first] ?? "?", word: words };
+  const [worst] = words.split(",");
+  return { kind: { good: "good", invalid: "bad" }[worst] ?? "old", letter: worst[0].toUpperCase(), word: words };
 }
 
 function state(kind, letter, word) {
