@@ -142,6 +142,7 @@ async def me(asked: Asked) -> Json:
         "csrf": session.csrf,
         "provided": session.provided,
         "gap_s": asked.centre.settings.gap_s,
+        "zone": asked.centre.settings.zone,
         "tiles": asked.centre.settings.tiles is not None,
         **asked.centre.state(),
     }

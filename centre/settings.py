@@ -14,6 +14,7 @@ from typing import Any
 
 import jsonschema
 
+from openrtu_tools.centre import zone
 from openrtu_tools.centre.areas import Area
 from openrtu_tools.centre.codes import Content
 from openrtu_tools.centre.errors import CentreError
@@ -176,6 +177,7 @@ CENTRE = {
     "gap_s": {"type": "number", "exclusiveMinimum": 0},
     "session_h": {"type": "number", "exclusiveMinimum": 0},
     "secure": {"type": "boolean"},
+    "zone": {"type": "string"},
     "proxies": {"type": "array", "items": {"type": "string"}},
     "map": {"type": "string"},
     "tls": TLS,
@@ -378,6 +380,7 @@ class Settings:
     push: Push | None = None
     proxies: tuple[Network, ...] = ()  # whose X-Forwarded-For is believed
     oidc: Oidc | None = None
+    zone: str = "UTC"
 
     @property
     def sockets(self) -> list[Path]:
@@ -431,6 +434,7 @@ def load(path: Path) -> Settings:
         _push(own["push"], folder) if "push" in own else None,
         _proxies(own.get("proxies", [])),
         _oidc(own, folder) if "oidc" in own else None,
+        zone.read(own.get("zone")),
     )
 
 
