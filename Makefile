@@ -183,7 +183,8 @@ $(PAGE)/done: build/centre/npm.done $(PAGE_FILES)
 
 build/centre/npm.done: centre/page/package.json centre/page/package-lock.json
 build/provider/npm.done: tests/centre/provider/package.json tests/centre/provider/package-lock.json
-build/centre/npm.done build/provider/npm.done:
+build/axe/npm.done: tests/centre/axe/package.json tests/centre/axe/package-lock.json
+build/centre/npm.done build/provider/npm.done build/axe/npm.done:
 	@command -v npm > /dev/null || scripts/setup-packages.sh scripts/packages-npm.txt
 	@mkdir -p $(@D) && cp $^ $(@D)
 	$(LOGGED) npm-$(notdir $(@D)) npm --prefix $(@D) ci --ignore-scripts --no-audit --no-fund
@@ -644,7 +645,7 @@ test-pins: $(TESTED) ## Test: nuc980-pins
 test-image: build/packages-cross.done build/packages-release.done $(TESTED) ## Test: the images' configuration and what makes them
 test-netboot: build qemu uboot $(TESTED) ## Test: nuc980-netboot
 test-twin: qemu uboot $(TESTED) ## Test: the emulated board alone
-test-centre: build centre-page build/provider/npm.done $(PACKAGING) build/packages-centre.done $(TESTED) ## Test: the control centre, its page in a browser
+test-centre: build centre-page build/provider/npm.done build/axe/npm.done $(PACKAGING) build/packages-centre.done $(TESTED) ## Test: the control centre, its page in a browser
 test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre:
 	$(AREA)
 
@@ -668,7 +669,7 @@ test-offline: build qemu uboot $(TESTED) ## Test: the image of image-offline on 
 test-sanitizers: build .asan $(TESTED) ## Test: the gateway's tests, its modules under AddressSanitizer and UBSan
 	OPENRTU_BUILD=build/asan $(PYTEST) $(UNDER_SANITIZERS)
 
-test-native: build .compared .asan fuzzers qemu uboot centre-page build/provider/npm.done $(WHEELING) $(PACKAGING) build/packages-centre.done build/gpsd/done build/chronyd/done build/mibs/done build/exporter/done $(TESTED) ## Test: all of pytest but Linux on the emulated board
+test-native: build .compared .asan fuzzers qemu uboot centre-page build/provider/npm.done build/axe/npm.done $(WHEELING) $(PACKAGING) build/packages-centre.done build/gpsd/done build/chronyd/done build/mibs/done build/exporter/done $(TESTED) ## Test: all of pytest but Linux on the emulated board
 	$(PYTEST) --ignore=tests/linux
 
 test-user: ## Test: the README's two commands as a user without rights (takes root)
@@ -681,7 +682,7 @@ test-changed: $(TESTED) ## Test: what a change can reach, and why (BASE=commit: 
 # tests wait (nice); then test-native, which waits half of its time, with test-linux, which fills a core for each guest.
 # What several of them need is built before, by one make. Of the downloads and the configuring, which wait as well, two run
 # at a time.
-SHARED     := build .compared qemu uboot centre-page build/provider/npm.done $(WHEELING) $(PACKAGING) build/packages-centre.done build/sysroot.ini \
+SHARED     := build .compared qemu uboot centre-page build/provider/npm.done build/axe/npm.done $(WHEELING) $(PACKAGING) build/packages-centre.done build/sysroot.ini \
   build/gpsd/done build/chronyd/done build/mibs/done
 ONLY_LINUX := linux build/boards/numaker/u-boot/done build/swupdate/done build/curl/done $(SYSTEM_PARTS) build/root/gateway-tls.done
 PARTS      := lint unit asan cross fuzzers test-sanitizers

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """
-`make bench-map`: how fluent the control centre's map is in Debian's Chromium, with RTUs that drive, polled at
-1 Hz: frames a second, the longest time without one, and how many markers have moved, at rest and while it is
-dragged; and while it is dragged with the markers hidden, which tells what the map takes beside the same RTUs.
-With one marker it tells what the map itself takes. No time is asserted.
+`make bench-map`: how fluent the control centre's page is in Debian's Chromium, with RTUs polled at 1 Hz. Of
+its map: frames a second, the longest time without one, and how many markers have moved, at rest and while
+it is dragged; and while it is dragged with the markers hidden, which tells what the map takes beside the
+same RTUs. With one marker it tells what the map itself takes. Of the lists of 2 000 stations: frames a
+second at rest and while they are scrolled, and of how many nodes the page is made. No time is asserted.
 Exit codes: 0 done, 1 something did not work, 2 not built.
 """
 
@@ -28,7 +29,7 @@ from bench import machine
 from lab.gateway import REPOSITORY, free_port
 
 sys.path.insert(0, str(REPOSITORY / "tests" / "centre"))
-from browser import LIMIT_MS, chromium, log_in
+from browser import LIMIT_MS, PLAIN, chromium, log_in
 
 PAGE = REPOSITORY / "build" / "centre" / "page" / "done"
 SIZE = {"width": 1280, "height": 800}
@@ -62,6 +63,26 @@ MEASURE = """async ([seconds, dragged]) => {
   delete marks.show;
   const passed = (last - begun) / 1000;
   return { frames: frames / passed, drawn: drawn / passed, moved: moved / passed, longest };
+}"""
+
+LISTED = 2000
+KNOWN = """async (count) => (await import("./js/live.js")).stations.size >= count"""
+# As a wheel scrolls: 3 000 pixels a second, some 100 rows; down, and up again.
+SCROLLED = """async ([seconds, selector]) => {
+  let frames = 0, longest = 0, last = performance.now();
+  const begun = last, list = document.querySelector(selector ?? "body");
+  await new Promise((done) => {
+    const step = (now) => {
+      frames += 1;
+      longest = Math.max(longest, now - last);
+      last = now;
+      const part = (now - begun) / (seconds * 1000);
+      if (selector) list.scrollTop = 3000 * seconds * Math.min(part, 1 - part);
+      if (part < 1) requestAnimationFrame(step); else done();
+    };
+    requestAnimationFrame(step);
+  });
+  return { frames: frames / ((last - begun) / 1000), longest, nodes: document.querySelectorAll("*").length };
 }"""
 
 
@@ -118,6 +139,26 @@ def frames(count: int, seconds: int) -> Iterator[str]:
                 yield measured(page, metrics, what, True, seconds)
 
 
+def lists(count: int, seconds: int) -> Iterator[str]:
+    """Of stations whose values change each second."""
+    with tempfile.TemporaryDirectory(prefix="frames-") as name:
+        port = free_port()
+        with running(count, port, Path(name), "v"), chromium(PLAIN) as browser:
+            answers(port)
+            page = browser.new_context(viewport=SIZE, color_scheme="light").new_page()
+            log_in(page, port, USER, PASSWORD, "stations")
+            for view, selector in (("stations", ".page"), ("points", ".list")):
+                page.evaluate(f"location.hash = '#{view}'")
+                page.wait_for_function(KNOWN, arg=count, timeout=LIMIT_MS)
+                for how, moved in (("at rest", None), ("scrolled", selector)):
+                    seen = page.evaluate(SCROLLED, [seconds, moved])
+                    yield (
+                        f"{count} stations, the list of the view {view} {how}: {seen['nodes']} nodes,"
+                        f" {seen['frames']:.1f} frames a second, {seen['longest']:.0f} ms the longest time"
+                        f" without one; load {os.getloadavg()[0]:.1f}"
+                    )
+
+
 def measured(page: Page, metrics: CDPSession, what: str, dragged: bool, seconds: int) -> str:
     scripts, used, begun = scripts_s(metrics), browser_s(), time.monotonic()
     seen = page.evaluate(MEASURE, [seconds, dragged])
@@ -136,6 +177,7 @@ def measured(page: Page, metrics: CDPSession, what: str, dragged: bool, seconds:
 def main() -> int:
     parser = argparse.ArgumentParser(description="How fluent the control centre's map is.")
     parser.add_argument("--quick", action="store_true", help="100 markers only")
+    parser.add_argument("--lists", action="store_true", help="the lists only")
     parser.add_argument("--output", type=Path, default=REPOSITORY / "build", help="folder for the text")
     arguments = parser.parse_args()
     missing = [str(file) for file in (RTUS, PROGRAM, PAGE) if not file.exists()]
@@ -145,10 +187,14 @@ def main() -> int:
     lines = [f"{machine()}; load {os.getloadavg()[0]:.1f}; {datetime.date.today()}."]
     print(lines[0], flush=True)
     try:
-        for count in (100,) if arguments.quick else (1, 1000, 10_000):
+        counts = (100,) if arguments.quick else (1, 1000, 10_000)
+        for count in () if arguments.lists else counts:
             for line in frames(count, 4 if arguments.quick else 20):
                 lines.append(line)
                 print(line, flush=True)
+        for line in lists(100 if arguments.quick else LISTED, 4 if arguments.quick else 20):
+            lines.append(line)
+            print(line, flush=True)
     except (PollError, OSError, TimeoutError, Error) as error:
         print(f"the bench ended early: {error}", file=sys.stderr)
         return 1

@@ -6,22 +6,23 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Locator, Page, sync_playwright
 
 PROGRAM = "/usr/bin/chromium"
-# It asks nobody else, and draws WebGL by itself.
-FLAGS = [
+# It asks nobody else.
+PLAIN = [
     *("--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking"),
-    *("--disable-component-update", "--disable-sync", "--use-angle=swiftshader"),
-    *("--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"),
+    *("--disable-component-update", "--disable-sync"),
 ]
+# It draws WebGL by itself, for the map.
+FLAGS = [*PLAIN, "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 LIMIT_MS = 120_000  # for a hang only
 
 
 @contextlib.contextmanager
-def chromium() -> Iterator[Browser]:
+def chromium(flags: list[str] = FLAGS) -> Iterator[Browser]:
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=PROGRAM, args=FLAGS, timeout=LIMIT_MS)
+        browser = playwright.chromium.launch(executable_path=PROGRAM, args=flags, timeout=LIMIT_MS)
         yield browser
         browser.close()
 
@@ -37,3 +38,11 @@ def log_in(page: Page, port: int, name: str, password: str, view: str = "map") -
     page.keyboard.press("Enter")
     page.wait_for_selector("nav, .error:not(:empty)")
     assert page.locator("nav").count(), page.locator(".error").inner_text()
+
+
+def tool(page: Page, selector: str) -> Locator:
+    """Of the head. A narrow page has them in its menu."""
+    wanted = page.locator(selector)
+    if not wanted.is_visible():
+        page.locator("#menu").click()
+    return wanted

@@ -19,6 +19,13 @@ def test_language_has_known_words_with_the_same_places(language: str) -> None:
         assert sorted(re.findall(r"{(\w+)}", text)) == sorted(re.findall(r"{(\w+)}", ENGLISH[key])), key
 
 
+def test_no_word_stands_twice() -> None:
+    """The second one would take the place of the first."""
+    for file in (PAGE / "lang").glob("*.json"):
+        keys = [key for key, _ in json.loads(file.read_text(), object_pairs_hook=list)]
+        assert len(set(keys)) == len(keys), file
+
+
 def test_page_makes_no_markup_of_text() -> None:
     """What would turn a name into markup or code is nowhere in the page."""
     for file in (PAGE / "js").glob("*.js"):

@@ -12,7 +12,7 @@ from playwright.sync_api import Browser, Page, Route, expect
 from pmtiles.tile import Compression, TileType, zxy_to_tileid
 from pmtiles.writer import write
 
-from browser import LIMIT_MS, chromium, log_in
+from browser import LIMIT_MS, chromium, log_in, tool
 from control_room import PASSWORD, POINTS, Site, Stations, described, until
 from lab.centre_client import AnswerError
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, POSITION, Station, measured, position, single
@@ -648,7 +648,7 @@ def test_languages_theme_and_logout(page: Page) -> None:
     for name in ("stations", "points", "map", "alarms"):
         page.locator(f"nav a[href='#{name}']").click()
         assert page.evaluate("document.documentElement.scrollWidth") <= 360
-    page.locator("#logout").click()
+    tool(page, "#logout").click()
     expect(page.locator("#name")).to_be_focused()
     page.reload()
     expect(page.locator("#name")).to_be_visible()
@@ -728,7 +728,7 @@ def test_engineer_reads_the_audit(engineer: Page, site: Site) -> None:
 
 def test_engineers_view_fits_a_phone_in_each_language(engineer: Page) -> None:
     for language, word in (("de", "Benutzer"), ("sr", "Корисници"), ("es", "Usuarios"), ("en", "Users")):
-        engineer.locator("#language").select_option(language)
+        tool(engineer, "#language").select_option(language)
         expect(engineer.locator("nav a").last).to_have_text(word)
         assert engineer.evaluate("document.documentElement.scrollWidth") <= 360, language
 

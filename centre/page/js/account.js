@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // What one has open, tokens for programs, the own password and a second factor.
 import { SCOPES, TOKEN_DAYS_MOST } from "./codes.js";
-import { h, setText } from "./dom.js";
+import { h, modal, Rows, setText, th } from "./dom.js";
 import * as live from "./live.js";
 import { t, time } from "./words.js";
 
@@ -53,7 +53,20 @@ function sessionTable() {
   const failure = h("p", { class: "error", role: "alert" });
   const head = ["what", "token_scope", "address_from", "last_use", "until", ""];
   const element = h("section", { class: "part" }, h("h3", {}, t("open_sessions")), failure,
-    h("div", { class: "scroll" }, h("table", {}, h("thead", {}, h("tr", {}, ...head.map((key) => h("th", {}, key ? t(key) : "")))), body)));
+    h("div", { class: "scroll" }, h("table", {}, h("thead", {}, h("tr", {}, ...head.map((key) => th(key)))), body)));
+  const rows = new Rows(body, (id, { own }) => {
+    const cells = head.map(() => h("td"));
+    cells.at(-1).className = "act";
+    if (!own) cells.at(-1).append(h("button", { class: "small", type: "button", onclick: () => end(id) }, t("end_it")));
+    return {
+      element: h("tr", {}, ...cells),
+      update(each) {
+        const texts = [each.label || t(each.own ? "this_session" : "a_session"), each.scope ? t(`scope_${each.scope}`) : "", each.address,
+          each.seen ? time(each.seen, true) : "", time(each.expires, true)];
+        texts.forEach((text, column) => setText(cells[column], text));
+      },
+    };
+  });
   async function end(id) {
     try {
       await live.ask(`sessions/${id}/end`, {});
@@ -64,10 +77,7 @@ function sessionTable() {
   }
   async function show() {
     const open = await live.ask("sessions").catch((refused) => setText(failure, reason(refused)));
-    body.replaceChildren(...(open ?? []).map((each) => h("tr", {}, h("td", {}, each.label || t(each.own ? "this_session" : "a_session")),
-      h("td", {}, each.scope ? t(`scope_${each.scope}`) : ""), h("td", {}, each.address), h("td", {}, each.seen ? time(each.seen, true) : ""),
-      h("td", {}, time(each.expires, true)),
-      h("td", { class: "act" }, each.own ? null : h("button", { class: "small", type: "button", onclick: () => end(each.id) }, t("end_it"))))));
+    rows.show((open ?? []).map((each) => [each.id, each]));
   }
   show();
   return { element, show };
@@ -144,7 +154,5 @@ export function showAccount() {
     h("div", { class: "body" }, h("h2", {}, `${t("account")} · ${live.session.user} · ${t(live.session.role)}`),
       open.element, ...(live.session.provided ? [h("p", { class: "muted" }, t("provided_account"))] : [tokenPart(open.show), passwordPart(open.show), secondPart()])),
     h("div", { class: "end" }, h("button", { type: "button", onclick: () => dialog.close() }, t("close"))));
-  dialog.addEventListener("close", () => dialog.remove());
-  document.body.append(dialog);
-  dialog.showModal();
+  modal(dialog);
 }

@@ -2,9 +2,9 @@
 // Alarms to be acknowledged; and what happened: events, commands.
 import { ALARM_KINDS, CAUSE, IDS_MOST, STATE } from "./codes.js";
 import { fate, stateText } from "./command.js";
-import { fill, h, Rows, setText, state, tabs } from "./dom.js";
+import { empty, fill, h, modal, Rows, setText, state, tabs, th } from "./dom.js";
+import { list } from "./lists.js";
 import * as live from "./live.js";
-import { empty } from "./points.js";
 import { qualityOf, valueText } from "./quality.js";
 import { ahead, number, t, time } from "./words.js";
 
@@ -99,7 +99,7 @@ function alarmTable(place) {
   let known = null;
   let toAcknowledge = [];
   const headings = ["priority", "since", "station", "what", "state", "by", ""];
-  const table = h("table", {}, h("thead", {}, h("tr", {}, ...headings.map((key) => h("th", { class: key === "by" ? "clutter" : "" }, key ? t(key) : "")))), body);
+  const table = h("table", {}, h("thead", {}, h("tr", {}, ...headings.map((key) => th(key)))), body);
   place.append(h("section", { class: "card" },
     h("div", { class: "row" }, h("h2", { class: "grow" }, t("alarms")), failure, search, many, shelvedButton, soundButton),
     news, h("div", { class: "scroll" }, table), none));
@@ -123,7 +123,6 @@ function alarmTable(place) {
     const [priority, since, station, what, how, by, act] = cells;
     since.className = "time";
     act.className = "act";
-    by.className = "clutter";
     const row = h("tr", {}, ...cells);
     return {
       element: row,
@@ -141,7 +140,7 @@ function alarmTable(place) {
         const over = !live.alarms.has(id);
         fill(act, `${Boolean(alarm.acknowledged)}${shelved}${over}`, () => (live.may("operator") && !over ? [
           ...(alarm.acknowledged ? [] : [h("button", { class: "small main", onclick: () => doing(`alarms/${id}/acknowledge`, {}) }, t("acknowledge"))]),
-          h("button", { class: "small", onclick: () => (shelved ? doing(`alarms/${id}/shelve`, { minutes: 0 }) : shelve(id)) }, t(shelved ? "unshelve" : "shelve")),
+          h("button", { class: "small", "aria-haspopup": shelved ? undefined : "dialog", onclick: () => (shelved ? doing(`alarms/${id}/shelve`, { minutes: 0 }) : shelve(id)) }, t(shelved ? "unshelve" : "shelve")),
         ] : []));
       },
     };
@@ -149,12 +148,11 @@ function alarmTable(place) {
 
   function shelve(id) {
     const why = h("input", { maxLength: 200, "aria-label": t("why"), placeholder: t("why") });
-    const dialog = h("dialog", { "aria-label": t("shelve"), onclose: () => dialog.remove() },
+    const dialog = h("dialog", { "aria-label": t("shelve") },
       h("form", { method: "dialog", class: "body", onsubmit: () => doing(`alarms/${id}/shelve`, { minutes: SHELVED_MIN, why: why.value }) },
         h("h2", {}, t("shelve")), why,
         h("div", { class: "end" }, h("button", { type: "button", onclick: () => dialog.close() }, t("close")), h("button", { class: "main" }, t("shelve")))));
-    document.body.append(dialog);
-    dialog.showModal();
+    modal(dialog);
   }
 
   function fits(alarm) {
@@ -202,32 +200,12 @@ function pastAlarms(place) {
     const asked = new URLSearchParams({ from: String(Math.round(live.now() - Number(span.value) * DAY_MS)) });
     if (kind.value) asked.set("kind", kind.value);
     if (station.value) asked.set("station", station.value);
-    return (await live.ask(`alarms?${asked}`)).map((alarm) => [time(alarm.since), stationName(alarm.station), words(alarm),
+    return (await live.ask(`alarms?${asked}`)).map((alarm) => [alarm.id, time(alarm.since), stationName(alarm.station), words(alarm),
       alarm.gone ? time(alarm.gone) : t("active"), alarm.acknowledged ? `${alarm.by}, ${time(alarm.acknowledged)}` : "–"]);
   });
 }
 
 // ---- what happened -------------------------------------------------------------------------------
-
-// Newest first, asked for again and again, and when what stands in its head was changed.
-export function list(place, title, headings, head, load) {
-  const body = h("tbody");
-  const none = h("div");
-  const table = h("table", {}, h("thead", {}, h("tr", {}, ...headings.map((key) => h("th", {}, t(key))))), body);
-  place.append(h("section", { class: "card" }, h("div", { class: "row" }, h("h2", { class: "grow" }, t(title)), ...head),
-    h("div", { class: "scroll" }, table), none));
-  async function show() {
-    const rows = await load();
-    body.replaceChildren(...rows.map((cells) => h("tr", {}, ...cells.map((cell, column) => h("td", { class: column ? "" : "time" }, cell)))));
-    table.hidden = !rows.length;
-    none.replaceChildren(...(rows.length ? [] : [empty(t(`no_${title}`))]));
-  }
-  const failed = (error) => none.replaceChildren(h("p", { class: "empty error" }, t("failed", { error: error.message })));
-  show().catch(failed);
-  place.firstElementChild.addEventListener("change", () => show().catch(failed));
-  const timer = setInterval(() => show().catch(failed), 5000);
-  return () => clearInterval(timer);
-}
 
 function stationName(id) {
   return live.stations.get(id)?.name ?? "";
@@ -250,14 +228,14 @@ const TABS = {
     async () => (await live.ask("events")).map((event) => {
       const point = names.get(event.point);
       const { kind, word } = qualityOf(event.quality);
-      return [time(event.at, true), stationName(event.station), pointName(event.point), point ? `${valueText(point, event.value)} ${point.unit}` : number(event.value), state(kind, word),
+      return [event.id, time(event.at, true), stationName(event.station), pointName(event.point), point ? `${valueText(point, event.value)} ${point.unit}` : number(event.value), state(kind, word),
         CAUSES_OF_EVENTS[event.cause] ?? String(event.cause)];
     })),
   commands: (place) => list(place, "commands", ["time", "user_name", "station", "name", "value", "state"], [],
     async () => (await live.ask("commands")).map((command) => {
       const point = names.get(command.point);
       const ended = [3, 5, 8, 9].includes(command.state);
-      return [time(command.begun, true), command.user, stationName(point?.station), pointName(command.point), point ? valueText(point, command.value) : number(command.value),
+      return [command.id, time(command.begun, true), command.user, stationName(point?.station), pointName(command.point), point ? valueText(point, command.value) : number(command.value),
         h("span", { class: "row" }, state(ended ? fate(command).kind : "none", stateText(command)), ...toRelease(command))];
     })),
 };

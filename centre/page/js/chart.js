@@ -5,6 +5,7 @@ import { CHART_ROWS, QUALITY } from "./codes.js";
 import { h } from "./dom.js";
 import * as live from "./live.js";
 import { number, t, time } from "./words.js";
+import { axisTimes, zone } from "./zone.js";
 
 export const HOUR_MS = 3600000;
 
@@ -23,10 +24,10 @@ export async function chart(place, point, spanMs, end) {
   place.replaceChildren(...part);
   const width = Math.max(240, place.clientWidth - 28);
   new uPlot({
-    width, height: 170, legend: { show: true, live: true },
+    width, height: 170, tzDate: (second) => uPlot.tzDate(new Date(second * 1000), zone()), legend: { show: true, live: true },
     scales: { x: { range: [(end - spanMs) / 1000, end / 1000] } },
-    axes: [{ ...axis, values: [[86400, "{YYYY}-{MM}-{DD}"], [3600, "{HH}:{mm}"], [60, "{HH}:{mm}"], [1, "{HH}:{mm}:{ss}"]].map(([step, form]) => [step, form, null, null, null, null, null, null, 1]) }, { ...axis, size: 62 }],
-    series: [{ value: "{YYYY}-{MM}-{DD} {HH}:{mm}:{ss}", label: t("time") }, {
+    axes: [{ ...axis, space: 90, values: (_, seconds) => axisTimes(seconds) }, { ...axis, size: 62 }],
+    series: [{ value: (_, second) => (second === null ? "–" : time(second * 1000, true)), label: t("time") }, {
       label: point.unit ? `${point.name} (${point.unit})` : point.name, stroke: colours.getPropertyValue("--accent"), width: 1.6,
       paths: uPlot.paths.stepped({ align: 1 }), points: { show: rows.length < 100, size: 5 },
     }],

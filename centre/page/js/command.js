@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The dialogue of a command: what is now, what shall be; each step as it is answered; how it ended.
 import { RESULT, STATE } from "./codes.js";
-import { fill, h, setText, shape, state } from "./dom.js";
+import { fill, h, modal, setText, shape, state } from "./dom.js";
 import * as live from "./live.js";
 import { quality, valueText } from "./quality.js";
 import { t, time } from "./words.js";
@@ -144,10 +144,8 @@ export function commandDialogue(pointId) {
   dialog.addEventListener("close", () => {
     if (left) leave();
     else unwatch();
-    dialog.remove();
   });
-  document.body.append(dialog);
   update();
-  dialog.showModal();
+  modal(dialog);
   choice.firstElementChild.focus();
 }

@@ -3,13 +3,15 @@
 import { reason, showAccount } from "./account.js";
 import { showAlarms } from "./alarms.js";
 import { STATE } from "./codes.js";
-import { h, setText } from "./dom.js";
+import { h, modal, setText } from "./dom.js";
+import { keysButton, watchKeys } from "./keys.js";
 import * as live from "./live.js";
 import { showMap } from "./map.js";
 import { showPoints } from "./points.js";
 import { showStations } from "./stations.js";
 import { showUsers } from "./users.js";
 import { chosen, LANGUAGES, speak, t, time } from "./words.js";
+import { chosenZone, zones } from "./zone.js";
 
 const VIEWS = { map: showMap, points: showPoints, alarms: showAlarms, stations: showStations, users: showUsers };
 const NEEDS = { users: "engineer" }; // all others are for everybody
@@ -28,6 +30,16 @@ function languages(whenChosen) {
   select.addEventListener("change", async () => {
     localStorage.setItem("language", select.value);
     await speak(select.value);
+    whenChosen();
+  });
+  return select;
+}
+
+function zoneChoice(whenChosen) {
+  const options = Object.entries(zones()).map(([which, name]) => h("option", { value: which, selected: which === chosenZone() }, t(`zone_${which}`, { name })));
+  const select = h("select", { id: "zone", "aria-label": t("zone"), title: t("zone") }, ...options);
+  select.addEventListener("change", () => {
+    localStorage.setItem("zone", select.value);
     whenChosen();
   });
   return select;
@@ -67,7 +79,7 @@ function showLogin(said = "") {
     }
   });
   document.title = t("title");
-  document.body.replaceChildren(h("div", { class: "login" }, form));
+  document.body.replaceChildren(h("main", { class: "login" }, form));
   name.focus();
 }
 
@@ -78,11 +90,9 @@ function saidByProvider(word) {
 }
 
 function showSaid(text) {
-  const dialog = h("dialog", {}, h("div", { class: "body" }, h("p", { role: "status" }, text)),
+  const dialog = h("dialog", { "aria-label": t("login") }, h("div", { class: "body" }, h("p", { role: "status" }, text)),
     h("div", { class: "end" }, h("button", { type: "button", onclick: () => dialog.close() }, t("close"))));
-  dialog.addEventListener("close", () => dialog.remove());
-  document.body.append(dialog);
-  dialog.showModal();
+  modal(dialog);
 }
 
 async function logOut() {
@@ -117,14 +127,18 @@ function frame() {
   const views = Object.keys(VIEWS).filter((name) => live.may(NEEDS[name] ?? "viewer"));
   const links = views.map((name) => h("a", { href: `#${name}` }, t(name)));
   links[2].append(count);
-  const main = h("main", { id: "main" });
-  const account = h("button", { id: "account", title: live.session.user, onclick: showAccount }, t("account"));
+  const heading = h("h1", { class: "visually-hidden" });
+  const main = h("main", { id: "main", tabIndex: -1 });
+  const account = h("button", { id: "account", title: live.session.user, "aria-haspopup": "dialog", onclick: showAccount }, t("account"));
   const user = h("button", { id: "logout", title: `${live.session.user} · ${live.session.role}`, onclick: logOut }, t("logout"));
+  const tools = h("div", { class: "tools", id: "tools" }, clock, zoneChoice(frame), languages(frame), themeButton(), keysButton(views), account, user);
+  const menu = h("button", { id: "menu", "aria-label": t("menu"), "aria-expanded": "false", "aria-controls": "tools",
+    onclick: () => menu.setAttribute("aria-expanded", String(tools.classList.toggle("open"))) }, "☰");
   document.body.replaceChildren(
     h("header", { class: "head" },
-      h("div", { class: "brand" }, h("img", { src: "icon.svg", alt: "" }), h("span", {}, "OpenRTU")),
+      h("div", { class: "brand" }, h("img", { src: "icon.svg", alt: "" }), h("span", {}, "OpenRTU"), heading),
       h("nav", {}, ...links),
-      h("div", { class: "tools" }, clock, languages(frame), themeButton(), account, user)),
+      menu, tools),
     banner, release, main);
 
   let end = () => {};
@@ -133,9 +147,13 @@ function frame() {
     const [name, argument] = location.hash.slice(1).split("/");
     const view = views.includes(name) ? name : "map";
     links.forEach((link) => (link.hash === `#${view}` ? link.setAttribute("aria-current", "page") : link.removeAttribute("aria-current")));
+    links[views.indexOf(view)].scrollIntoView({ block: "nearest", inline: "center" });
     document.title = `${t(view)} · ${t("title")}`;
     main.className = `${view}-view`;
+    setText(heading, t(view));
     main.replaceChildren();
+    tools.classList.remove("open");
+    menu.setAttribute("aria-expanded", "false");
     end = VIEWS[view](main, Number(argument) || 0, argument);
   };
   const state = () => {
@@ -152,23 +170,14 @@ function frame() {
   };
   const tick = setInterval(() => setText(clock, time(live.now())), 500);
   const unwatch = live.watch(state);
-  const keys = (event) => {
-    if (event.target.closest("input, select, dialog") || event.ctrlKey || event.metaKey || event.altKey) return;
-    const link = links[Number(event.key) - 1];
-    if (link) link.click();
-    if (event.key === "/") {
-      event.preventDefault();
-      document.querySelector("input[type=search]")?.focus();
-    }
-  };
+  const endKeys = watchKeys(links);
   addEventListener("hashchange", go);
-  addEventListener("keydown", keys);
   leave = () => {
     end();
     unwatch();
     clearInterval(tick);
     removeEventListener("hashchange", go);
-    removeEventListener("keydown", keys);
+    endKeys();
     leave = () => {};
   };
   go();

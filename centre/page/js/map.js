@@ -2,6 +2,7 @@
 // The map: vehicles and stations where they are, as good as they are; the track of the chosen one, with its gaps.
 import * as maplibre from "../vendor/maplibre-gl.mjs";
 import { fill, h, Rows, setText, state } from "./dom.js";
+import { inOrder } from "./lists.js";
 import * as live from "./live.js";
 import { colour, Marks } from "./marks.js";
 import { quality, stationState } from "./quality.js";
@@ -97,21 +98,6 @@ function places() {
     found.push({ id: `p${point.id}`, name, ...quality(point), at: point.placed, lngLat: [point.longitude, point.latitude], point });
   }
   return found;
-}
-
-// By name. Names are compared only when there are others than the last time: that of 10 000 takes longest of all.
-function inOrder() {
-  const { compare } = new Intl.Collator(undefined, { numeric: true });
-  let rank = new Map();
-  return (all) => {
-    if (all.length !== rank.size || all.some((place) => !rank.has(place.id))) {
-      const sorted = [...all].sort((a, b) => compare(a.name, b.name));
-      rank = new Map(sorted.map((place, number) => [place.id, number]));
-    }
-    const ordered = new Array(all.length);
-    for (const place of all) ordered[rank.get(place.id)] = place;
-    return ordered;
-  };
 }
 
 function labelOf(place, now) {
@@ -317,7 +303,7 @@ export function showMap(main) {
     setText(trackText, gaps < 0 ? t("track_empty") : gaps ? `${t("track_hour")}, ${t("gaps", { n: gaps })}` : t("track_hour"));
   }
 
-  const ordered = inOrder();
+  const ordered = inOrder((place) => place.name);
   let updated = 0;
   function update(change) {
     updated = performance.now();

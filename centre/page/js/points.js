@@ -2,34 +2,32 @@
 // The points of a station: value, quality, time, age; a chart of each; commands.
 import { chart, HOUR_MS } from "./chart.js";
 import { commandDialogue } from "./command.js";
-import { fill, h, Rows, setText, state } from "./dom.js";
+import { empty, fill, h, Rows, setText, state, th } from "./dom.js";
+import { Finder, inOrder } from "./lists.js";
 import * as live from "./live.js";
 import { quality, stationState, valueText } from "./quality.js";
 import { age, t, time } from "./words.js";
 
 const COLUMNS = 6;
 
-export function empty(head, more = "") {
-  return h("div", { class: "empty" }, h("strong", {}, head), more);
-}
-
 export function showPoints(main, wanted) {
   let stationId = wanted;
   let open = 0; // the point whose chart is shown
   const stations = h("ul", { class: "list" });
-  const stationSearch = h("input", { type: "search", placeholder: t("station"), "aria-label": t("station") });
-  const search = h("input", { type: "search", id: "search", placeholder: t("search"), "aria-label": t("search") });
-  const head = h("h2");
+  const stationFinder = new Finder(update, "station");
+  const finder = new Finder(update);
+  finder.input.id = "search";
+  const head = h("h2", {}, t("points"));
   const link = h("span");
   const body = h("tbody");
   const none = h("div");
   const chartCard = h("section", { class: "card", hidden: true });
-  const headings = [["name"], ["value", "number"], ["quality"], ["time", "clutter"], ["age", "clutter"], [""]];
-  const table = h("table", {}, h("thead", {}, h("tr", {}, ...headings.map(([key, kind]) => h("th", { class: kind ?? "" }, key ? t(key) : "")))), body);
+  const headings = [["name"], ["value", "number"], ["quality"], ["time"], ["age"], [""]];
+  const table = h("table", {}, h("thead", {}, h("tr", {}, ...headings.map(([key, kind]) => th(key, kind)))), body);
   main.append(
-    h("div", { class: "side" }, h("div", { class: "top" }, stationSearch), stations),
+    h("div", { class: "side" }, h("div", { class: "top" }, stationFinder.element), stations),
     h("div", { class: "page" }, chartCard,
-      h("section", { class: "card" }, h("div", { class: "row" }, head, link, h("span", { class: "grow" }), search), h("div", { class: "scroll" }, table), none)));
+      h("section", { class: "card" }, h("div", { class: "row" }, head, link, h("span", { class: "grow" }), finder.element), h("div", { class: "scroll" }, table), none)));
 
   const stationRows = new Rows(stations, (id) => {
     const name = h("span", { class: "name" });
@@ -51,7 +49,7 @@ export function showPoints(main, wanted) {
       return { element: h("tr", { class: "device" }, h("td", { colSpan: COLUMNS }, first.heading)), update() {} };
     }
     const name = h("button", { class: "link", onclick: () => openChart(id) });
-    const [value, good, at, old, act] = ["value", "", "time clutter", "time clutter", "act"].map((kind) => h("td", { class: kind }));
+    const [value, good, at, old, act] = ["value", "", "time", "time", "act"].map((kind) => h("td", { class: kind }));
     const row = h("tr", {}, h("td", {}, name), value, good, at, old, act);
     name.title = `CA ${first.ca} · IOA ${first.ioa}`;
     return {
@@ -66,7 +64,7 @@ export function showPoints(main, wanted) {
         setText(at, time(point.at, true));
         setText(old, point.at ? age(live.now() - point.at) : "–");
         const can = Boolean(point.command) && live.may("operator");
-        fill(act, String(can), () => (can ? h("button", { class: "small", onclick: () => commandDialogue(id) }, t("command")) : []));
+        fill(act, String(can), () => (can ? h("button", { class: "small", "aria-haspopup": "dialog", onclick: () => commandDialogue(id) }, t("command")) : []));
       },
     };
   });
@@ -88,10 +86,12 @@ export function showPoints(main, wanted) {
     chart(place, point, span, end).catch((error) => place.replaceChildren(h("p", { class: "error" }, t("failed", { error: error.message }))));
   }
 
+  const byName = inOrder((station) => station.name);
   function update() {
-    const words = stationSearch.value.toLocaleLowerCase();
-    const all = [...live.stations.values()].sort((a, b) => a.name.localeCompare(b.name, undefined, { numeric: true }));
-    stationRows.show(all.filter((each) => each.name.toLocaleLowerCase().includes(words)).map((each) => [each.id, each]));
+    const all = byName([...live.stations.values()]);
+    const listed = all.filter((each) => stationFinder.fits(each.name));
+    stationRows.show(listed.map((each) => [each.id, each]));
+    stationFinder.tell(listed.length, all.length);
     if (!stationId && all.length) {
       history.replaceState(null, "", `#points/${all[0].id}`);
       stationId = all[0].id;
@@ -104,9 +104,9 @@ export function showPoints(main, wanted) {
       const { kind, word } = stationState(station);
       fill(link, kind + word, () => state(kind, word));
     }
-    const sought = search.value.toLocaleLowerCase();
     const points = [...live.points.values()].filter((point) => point.station === stationId);
-    const found = points.filter((point) => `${point.name} ${point.device} ${point.ca}.${point.ioa}`.toLocaleLowerCase().includes(sought));
+    const found = points.filter((point) => finder.fits(`${point.name} ${point.device} ${point.ca}.${point.ioa}`));
+    finder.tell(found.length, points.length);
     found.sort((a, b) => a.ca - b.ca || a.ioa - b.ioa);
     const entries = [];
     let device = "";
@@ -122,8 +122,6 @@ export function showPoints(main, wanted) {
     fill(none, why, () => (why ? empty(t(why), t(`${why}_more`)) : []));
   }
 
-  stationSearch.addEventListener("input", update);
-  search.addEventListener("input", update);
   const unwatch = live.watch(update);
   const tick = setInterval(update, 1000);
   const redraw = () => open && openChart(open);

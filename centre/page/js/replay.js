@@ -3,17 +3,13 @@
 import { h, setText } from "./dom.js";
 import * as live from "./live.js";
 import { t, time } from "./words.js";
+import { fromField, toField, zone } from "./zone.js";
 
 const SPEEDS = [1, 10, 60, 300, 1800];
 const FRAME_MS = 100;
 const STEPS = 1500; // places of a vehicle, about
 const VEHICLES_MOST = 500; // more are not asked for at once: one is to be chosen
 const HOUR_MS = 3600000;
-
-// For an input of the browser, in its own time.
-function local(ms) {
-  return new Date(ms - new Date(ms).getTimezoneOffset() * 60000).toISOString().slice(0, 16);
-}
 
 // The place of the last number that is not greater; -1: there is none.
 function lastBefore(numbers, wanted) {
@@ -39,7 +35,7 @@ export class Replay {
     this.speed = h("select", { "aria-label": t("speed") }, ...SPEEDS.map((speed) => h("option", { value: String(speed), selected: speed === 60 }, `× ${speed}`)));
     this.status = h("span", { class: "clock" });
     this.element = h("section", { class: "replay", hidden: true, "aria-label": t("replay") },
-      h("div", { class: "row" }, h("strong", {}, t("replay")), this.from, "–", this.to,
+      h("div", { class: "row" }, h("strong", {}, t("replay")), this.from, "–", this.to, h("span", { class: "muted" }, zone()),
         h("button", { class: "small", onclick: () => this.load() }, t("load")), h("span", { class: "grow" }),
         h("button", { class: "small", "aria-label": t("close"), onclick: () => this.close() }, "✕")),
       h("div", { class: "row" }, this.play, this.slider, this.speed, this.status));
@@ -48,8 +44,8 @@ export class Replay {
   open(point) {
     const now = live.now();
     this.only = live.points.has(point) ? point : 0;
-    this.from.value = local(now - HOUR_MS);
-    this.to.value = local(now);
+    this.from.value = toField(now - HOUR_MS);
+    this.to.value = toField(now);
     this.element.hidden = false;
     return this.load();
   }
@@ -64,7 +60,7 @@ export class Replay {
 
   async load() {
     this.run(false);
-    const [begin, end] = [this.from, this.to].map((input) => new Date(input.value).getTime());
+    const [begin, end] = [fromField(this.from.value), fromField(this.to.value, true)];
     if (!(begin < end)) return setText(this.status, t("replay_order"));
     const { vehicles } = live.centre;
     if (vehicles > VEHICLES_MOST && !this.only) return setText(this.status, t("replay_many", { n: VEHICLES_MOST }));

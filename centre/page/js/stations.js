@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The stations: is the link up, since when, why not; what has come.
 import { CLOSING, LINK } from "./codes.js";
-import { fill, h, Rows, setText, state } from "./dom.js";
+import { empty, fill, h, Rows, setText, state } from "./dom.js";
+import { Finder, Heads, inOrder } from "./lists.js";
 import * as live from "./live.js";
-import { empty } from "./points.js";
 import { stationState } from "./quality.js";
 import { showTrace } from "./trace.js";
 import { age, ahead, t, time } from "./words.js";
@@ -32,11 +32,14 @@ export function showStations(main) {
   const failure = h("p", { class: "error", role: "alert" });
   const tracing = h("div");
   let endTrace = () => {};
-  const search = h("input", { type: "search", placeholder: t("search"), "aria-label": t("search") });
-  const headings = [["station"], ["group", "clutter"], ["link"], ["since"], ["reason", "clutter"], ["heard"], ["clock", "number clutter"], ["records", "number clutter"], ["sessions", "number clutter"], [""]];
-  const table = h("table", {}, h("thead", {}, h("tr", {}, ...headings.map(([key, kind]) => h("th", { class: kind ?? "" }, key ? t(key) : "")))), body);
+  const finder = new Finder(update);
+  const name = (station) => station.name;
+  const heads = new Heads([["station", "", name], ["group", "", (each) => each.group], ["link", "", (each) => each.link], ["since", "", (each) => -each.since],
+    ["reason"], ["heard", "", (each) => -each.heard], ["clock", "number", (each) => -Math.abs(each.clock ?? 0)], ["records", "number", (each) => -each.records],
+    ["sessions", "number", (each) => -each.sessions], [""]], update);
+  const table = h("table", {}, h("thead", {}, heads.row), body);
   main.append(h("div", { class: "page" }, h("section", { class: "card" },
-    h("div", { class: "row" }, h("h2", { class: "grow" }, t("stations")), failure, search), h("div", { class: "scroll" }, table), none), tracing));
+    h("div", { class: "row" }, h("h2", { class: "grow" }, t("stations")), failure, finder.element), h("div", { class: "scroll" }, table), none), tracing));
 
   function trace(id) {
     endTrace();
@@ -54,7 +57,7 @@ export function showStations(main) {
 
   const rows = new Rows(body, (id) => {
     const name = h("a", { href: `#points/${id}` });
-    const [group, link, since, why, heard, clock, records, sessions, act] = ["clutter", "", "time", "clutter muted", "time", "number clutter", "number clutter", "number clutter", "act"].map((kind) => h("td", { class: kind }));
+    const [group, link, since, why, heard, clock, records, sessions, act] = ["", "", "time", "muted", "time", "number", "number", "number", "act"].map((kind) => h("td", { class: kind }));
     return {
       element: h("tr", {}, h("td", {}, name), group, link, since, why, heard, clock, records, sessions, act),
       update(station) {
@@ -79,16 +82,17 @@ export function showStations(main) {
     };
   });
 
+  const byName = inOrder(name);
   function update() {
-    const words = search.value.toLocaleLowerCase();
-    const found = [...live.stations.values()].filter((each) => `${each.name} ${each.group}`.toLocaleLowerCase().includes(words));
-    found.sort((a, b) => (a.link === LINK.UP) - (b.link === LINK.UP) || a.name.localeCompare(b.name, undefined, { numeric: true }));
+    const all = [...live.stations.values()];
+    const found = byName(all).filter((each) => finder.fits(`${each.name} ${each.group}`));
+    if (!heads.sort(found)) found.sort((a, b) => (a.link === LINK.UP) - (b.link === LINK.UP)); // who has none comes first
     rows.show(found.map((station) => [station.id, station]));
+    finder.tell(found.length, all.length);
     table.hidden = !found.length;
-    const why = found.length || !live.centre.connected ? "" : live.stations.size ? "nothing_found" : "no_stations";
+    const why = found.length || !live.centre.connected ? "" : all.length ? "nothing_found" : "no_stations";
     fill(none, why, () => (why ? empty(t(why), t(`${why}_more`)) : []));
   }
-  search.addEventListener("input", update);
   const unwatch = live.watch(update);
   const tick = setInterval(update, 1000);
   live.look({ view: "stations" });

@@ -1,19 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The frames of a station, as they come and go; the centre keeps them as long as a page asks.
 import { FRAMES_MOST } from "./codes.js";
-import { h, setText } from "./dom.js";
+import { h, setText, th } from "./dom.js";
 import * as live from "./live.js";
-import { t } from "./words.js";
+import { t, time } from "./words.js";
 
 const PERIOD_MS = 1000;
 
-function clock(ms) {
-  return new Date(ms).toISOString().slice(11, 23);
-}
-
 function row(frame) {
   const objects = (frame.objects ?? []).map(([ioa, text]) => `${ioa}: ${text}`).join("\n");
-  return h("tr", { title: frame.octets ?? "" }, h("td", { class: "time" }, clock(frame.at)), h("td", {}, frame.sent ? "→" : "←"),
+  return h("tr", { title: frame.octets ?? "" }, h("td", { class: "time" }, time(frame.at, true)), h("td", {}, frame.sent ? "→" : "←"),
     h("td", {}, `${frame.kind} (${frame.what})`), h("td", {}, frame.type ?? ""), h("td", {}, frame.cause ?? ""),
     h("td", { class: "number" }, frame.ca === null || frame.ca === undefined ? "" : String(frame.ca)), h("td", { class: "objects" }, objects));
 }
@@ -22,7 +18,7 @@ function row(frame) {
 export function showTrace(place, station) {
   const body = h("tbody");
   const failure = h("p", { class: "error", role: "alert" });
-  const headings = ["time", "", "frame", "type", "cause", "CA", "value"];
+  const headings = ["time", "direction", "frame", "type", "cause", "CA", "value"];
   let last = 0;
   let asks = true;
 
@@ -48,7 +44,7 @@ export function showTrace(place, station) {
   }
   place.replaceChildren(h("section", { class: "card trace" },
     h("div", { class: "row" }, h("h2", { class: "grow" }, `${t("trace")}: ${station.name}`), failure, h("button", { class: "small", onclick: end }, t("close"))),
-    h("div", { class: "scroll" }, h("table", {}, h("thead", {}, h("tr", {}, ...headings.map((key) => h("th", {}, key ? t(key) : "")))), body))));
+    h("div", { class: "scroll" }, h("table", {}, h("thead", {}, h("tr", {}, ...headings.map((key) => th(key)))), body))));
   ask();
   return end;
 }

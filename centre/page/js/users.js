@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // For an engineer: who may what, and who did what.
 import { confirmation, reason } from "./account.js";
-import { list } from "./alarms.js";
 import { AUDITED, ROLES } from "./codes.js";
-import { h, setText, state, tabs } from "./dom.js";
+import { fill, h, modal, Rows, setText, state, tabs, th } from "./dom.js";
+import { Finder, list } from "./lists.js";
 import * as live from "./live.js";
 import { t, time } from "./words.js";
 
@@ -72,25 +72,41 @@ function userDialogue(user, known, done) {
     send("users", { name: name.value, role: role.value, groups: seen, disabled: off.box.checked, ...(fresh.value ? { password: fresh.value } : {}) });
   });
   dialog.append(form);
-  dialog.addEventListener("close", () => dialog.remove());
-  document.body.append(dialog);
-  dialog.showModal();
+  modal(dialog);
 }
 
 function userTable(place) {
   const body = h("tbody");
   const failure = h("p", { class: "error", role: "alert" });
+  const finder = new Finder(() => update());
   place.append(h("section", { class: "card" },
-    h("div", { class: "row" }, h("h2", { class: "grow" }, t("users")), failure,
-      h("button", { class: "small main", onclick: () => edit(null) }, t("user_add"))),
-    h("div", { class: "scroll" }, h("table", {}, h("thead", {}, h("tr", {}, ...["name", "role_name", "scope", "state", ""].map((key) => h("th", {}, key ? t(key) : "")))), body))));
+    h("div", { class: "row" }, h("h2", { class: "grow" }, t("users")), failure, finder.element,
+      h("button", { class: "small main", "aria-haspopup": "dialog", onclick: () => edit(null) }, t("user_add"))),
+    h("div", { class: "scroll" }, h("table", {}, h("thead", {}, h("tr", {}, ...["name", "role_name", "scope", "state", ""].map((key) => th(key)))), body))));
+  let known = new Map();
+  const rows = new Rows(body, (name) => {
+    const [role, scope, enabled] = [0, 0, 0].map(() => h("td"));
+    const act = h("td", { class: "act" }, h("button", { class: "small", "aria-haspopup": "dialog", onclick: () => edit(known.get(name)) }, t("change")));
+    return {
+      element: h("tr", {}, h("td", {}, name), role, scope, enabled, act),
+      update(user) {
+        setText(role, t(user.role));
+        setText(scope, user.groups.join(", ") || t("scope_all"));
+        fill(enabled, String(user.disabled), () => (user.disabled ? state("none", t("disabled")) : state("good", t("enabled"))));
+      },
+    };
+  });
+  function update() {
+    const found = [...known].filter(([, user]) => finder.fits(`${user.name} ${t(user.role)} ${user.groups.join(" ")}`));
+    rows.show(found);
+    finder.tell(found.length, known.size);
+  }
   const failed = (error) => setText(failure, t("failed", { error: error.message }));
   const edit = (user) => groupsOf(user).then((groups) => userDialogue(user, groups, show), failed);
   async function show() {
     const users = await live.ask("users").catch(failed);
-    body.replaceChildren(...(users ?? []).map((user) => h("tr", {}, h("td", {}, user.name), h("td", {}, t(user.role)),
-      h("td", {}, user.groups.join(", ") || t("scope_all")), h("td", {}, user.disabled ? state("none", t("disabled")) : state("good", t("enabled"))),
-      h("td", { class: "act" }, h("button", { class: "small", onclick: () => edit(user) }, t("change"))))));
+    known = new Map((users ?? []).map((user) => [user.name, user]));
+    update();
   }
   show();
   return () => {};
@@ -125,7 +141,7 @@ function auditTable(place) {
     const asked = question();
     file.href = `api/audit?format=csv&${asked}`;
     const called = new Map((await stations).map((each) => [each.id, each.name]));
-    return (await live.ask(`audit?${asked}`)).map((row) => [time(row.at, true), row.user, t(`did_${row.action.replace(" ", "_")}`), called.get(row.station) ?? "", row.detail]);
+    return (await live.ask(`audit?${asked}`)).map((row) => [row.id, time(row.at, true), row.user, t(`did_${row.action.replace(" ", "_")}`), called.get(row.station) ?? "", row.detail]);
   });
 }
 

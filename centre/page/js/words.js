@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Languages are files: lang/en.json has every word, the others what differs.
+import { offsetText, wall } from "./zone.js";
 
 export const LANGUAGES = { en: "English", de: "Deutsch", sr: "Српски", es: "Español" };
 
@@ -28,16 +29,12 @@ export function t(key, values = {}) {
   return text.replace(/\{(\w+)\}/g, (_, name) => values[name] ?? "");
 }
 
-const PAD = (number, digits = 2) => String(number).padStart(digits, "0");
-
-// A time of today without its day. Local time: an operator's clock on the wall.
+// A time of today without its day, in the zone that the user has chosen.
 export function time(ms, withMilliseconds = false) {
   if (!ms) return "–";
-  const at = new Date(ms);
-  const clock = `${PAD(at.getHours())}:${PAD(at.getMinutes())}:${PAD(at.getSeconds())}`;
-  const exact = withMilliseconds ? `${clock}.${PAD(at.getMilliseconds(), 3)}` : clock;
-  const today = at.toDateString() === new Date().toDateString();
-  return today ? exact : `${at.getFullYear()}-${PAD(at.getMonth() + 1)}-${PAD(at.getDate())} ${exact}`;
+  const at = wall(ms);
+  const exact = `${at.clock}${withMilliseconds ? at.ms : ""}${offsetText(ms)}`;
+  return at.day === wall(Date.now()).day ? exact : `${at.day} ${exact}`;
 }
 
 export function age(ms) {
