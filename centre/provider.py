@@ -175,7 +175,7 @@ class Provider:
                     said = octets[:TEXT_MOST].decode(errors="replace")
                     log.warning("the provider: %s answers %s: %r", url, response.status, said)
                     if 400 <= response.status < 500 and method == "POST":
-                        raise RefusedError(403, "token", "the provider does not take this code, or not any more")
+                        raise RefusedError(403, "token", "the provider does not take this code")
                     raise _failed(f"it answers {response.status}")
                 answer = json.loads(octets)
         except (
