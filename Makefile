@@ -762,6 +762,7 @@ bench: build .compared qemu uboot build/root/gateway-tls.done build/net-snmp-age
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/lines.py
 	$(MAKE) bench-polls
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/store.py
+	PYTHONPATH=scripts $(PYTHON) $(BENCH)/history.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/logic_scans.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/reload.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/module_scans.py

@@ -22,6 +22,7 @@ from openrtu_tools.centre.formats import Writer
 from openrtu_tools.centre.intake import COMMAND_COLUMNS
 from openrtu_tools.centre.model import ALARM_KINDS, NS_PER_MS, Alarm, Command, Json
 from openrtu_tools.centre.store import INTEGER_MOST, Row, audit
+from openrtu_tools.centre.trends import trend
 from openrtu_tools.centre.web import HEADERS, Asked, Route
 from openrtu_tools.centre.wire import described
 
@@ -29,6 +30,7 @@ log = logging.getLogger("centre")
 
 COMMANDS = ", ".join(f'"{column}"' for column in COMMAND_COLUMNS)
 ROWS = 500  # of a page
+TREND_COLUMNS, TREND_RANGE, TRENDS_MOST = 1000, range(10, 4001), 12
 CHART_ROWS = 5000  # of a chart
 IDS_MOST = 5000  # of alarms
 MARKS_AT_ONCE = 200  # of a file
@@ -194,6 +196,41 @@ async def history(asked: Asked) -> Any:
     )  # fmt: skip
     rows.reverse()
     return rows
+
+
+async def trends(asked: Asked) -> Any:
+    """Of points together, in so many columns at most."""
+    ids = [_number(text, "points") for text in asked.query.get("points", "").split(",") if text]
+    columns = _asked(asked, "columns", TREND_COLUMNS)
+    if not ids or len(ids) > TRENDS_MOST or columns not in TREND_RANGE:
+        raise RefusedError(
+            400,
+            "form",
+            f"1 to {TRENDS_MOST} points, and {TREND_RANGE[0]} to {TREND_RANGE[-1]} columns",
+        )
+    found = [asked.point(id_) for id_ in dict.fromkeys(ids)]
+    begin, end = _span(asked, 3600)
+    if begin > end:
+        raise RefusedError(400, "form", "from is after to")
+    names = {point.id: asked.station(point.station).settings.name for point in found}
+    if asked.query.get("format") == "csv":
+        await _export(asked, f"trends of {', '.join(point.meaning.name for point in found)}")
+        described_points = [
+            (point.id, names[point.id], point.meaning.name, point.meaning.unit) for point in found
+        ]
+        order = {"what": "trends", "points": described_points, "begin": begin, "end": end, "columns": columns}
+        return await _made(asked, order, "text/csv", "trends.csv")
+    answered = []
+    for point in found:
+        seen = await trend(asked.centre.store, point.id, begin, end, columns)
+        listed = {
+            "point": point.id,
+            "station": point.station,
+            "station_name": names[point.id],
+            **point.listed(),
+        }
+        answered.append({**listed, **seen.view()})
+    return {"from": begin // NS_PER_MS, "to": end // NS_PER_MS, "trends": answered}
 
 
 async def events(asked: Asked) -> Any:
@@ -439,6 +476,10 @@ ROUTES = [
           {**STATION, "search": {"type": "string", "description": "a part of the name"}}),
     Route("GET", "/api/points/{id}/history", "viewer", "values of a point, the last hour unless asked for",
           history, {**SPAN, **CSV}),
+    Route("GET", "/api/trends", "viewer",
+          "points over a time, in columns: begin, lowest, highest, last, quality, how many", trends,
+          {**SPAN, **CSV, "points": {"type": "string", "description": "ids, with commas"},
+           "columns": {"type": "integer", "description": "at most; fewer changes come as they were"}}),
     Route("GET", "/api/events", "viewer", "changes of all points, the last day unless asked for", events,
           {**SPAN, **STATION, **CSV}),
     Route("GET", "/api/positions", "viewer", "the last position of each vehicle", positions, FORMAT,

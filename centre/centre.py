@@ -33,6 +33,7 @@ log = logging.getLogger("centre")
 SLOW_S = 5.0  # a database that takes longer is said to be at fault
 AGAIN_S = 1.0  # until the next attempt: to connect, to store
 KEEP_EVERY_S, KEEP_REST_S = 3600.0, 0.02  # between rounds, and between steps that are full
+ROLL_EVERY_S = 30.0
 RELEASE_S = 60.0  # a command that nothing was sent of waits so long for the second person
 PACKETS_MOST = 4  # in one transaction: no more can be in flight
 REQUEST_IDS = 1 << 48  # of what is no command
@@ -196,6 +197,20 @@ class Centre:
                     break
                 await asyncio.sleep(0)
             await asyncio.sleep(KEEP_EVERY_S)
+
+    async def roll_up(self) -> None:
+        """Sums up what is over, for ever."""
+
+        def step(database: Database) -> bool:
+            return self.intake.rollup.step(database, self.store.among)
+
+        while True:
+            try:
+                while await self.store.write(step):
+                    await asyncio.sleep(KEEP_REST_S)
+            except StoreError as error:
+                log.warning("trends are read from the history for now: %s", error)
+            await asyncio.sleep(ROLL_EVERY_S)
 
     # ---- the collector -----------------------------------------------------------------------
 

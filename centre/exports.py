@@ -21,6 +21,7 @@ from openrtu_tools.centre.errors import CentreError
 from openrtu_tools.centre.formats import FORMATS, Place, Writer, moment, table
 from openrtu_tools.centre.model import NS_PER_MS, Json, metres
 from openrtu_tools.centre.store import INTEGER_MOST, Row, Store
+from openrtu_tools.centre.trends import trend
 
 ROWS_AT_ONCE = 2000  # what is in memory
 STRETCH_NS = 60 * 10**9
@@ -153,11 +154,26 @@ async def _audit(store: Store, order: Json) -> Text:
         )
 
 
+async def _trends(store: Store, order: Json) -> Text:
+    """What the page draws: of each point its columns, or its changes where there are few."""
+    yield table([["time", "station", "point", "unit", "low", "high", "last", "quality", "rows", "exact"]])
+    for id_, station, name, unit in order["points"]:
+        seen = await trend(store, id_, order["begin"], order["end"], order["columns"])
+        yield table(
+            (
+                moment(each.at_ns // NS_PER_MS), station, name, unit, each.low, each.high, each.last,
+                each.quality, each.number, int(seen.exact),
+            )
+            for each in seen.columns
+        )  # fmt: skip
+
+
 MAKERS: dict[str, Callable[[Store, Json], Text]] = {
     "tracks": _tracks,
     "history": _history,
     "events": _events,
     "audit": _audit,
+    "trends": _trends,
 }
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import datetime
+import html
 import io
 import json
 import math
@@ -15,7 +16,6 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
-from xml.sax.saxutils import escape
 
 from openrtu_tools.centre.codes import INVALID
 from openrtu_tools.centre.model import NS_PER_MS, Point, metres
@@ -70,7 +70,7 @@ def moment(at_ms: int) -> str:
 
 def _text(text: str) -> str:
     """Of an element. What XML cannot hold becomes visible."""
-    return escape(UNSPEAKABLE.sub("\ufffd", text))
+    return html.escape(UNSPEAKABLE.sub("\ufffd", text), quote=False)
 
 
 class Writer:

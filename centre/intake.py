@@ -26,6 +26,7 @@ from openrtu_tools.centre.codes import (
 )
 from openrtu_tools.centre.model import Alarm, AlarmKey, Changes, Command, Model, Point, Station
 from openrtu_tools.centre.records import ENDED, EVENTS, UNKNOWN_ALTITUDE, Record
+from openrtu_tools.centre.rollup import Rollup
 from openrtu_tools.centre.settings import Meaning, StationSettings
 from openrtu_tools.centre.store import Database, EventRow, inserted, put
 
@@ -90,6 +91,7 @@ class Intake:
         self.doubted: defaultdict[tuple[int, int], dict[int, Point]] = defaultdict(dict)
         self.asked: dict[int, tuple[int, int]] = {}  # by the interrogation's id: of which address
         self.odd_points: set[int] = set()  # of which there are events whose tag nobody believes
+        self.rollup = Rollup()
         self.model = Model()
         self.changes = Changes()
         self.by_name: dict[str, int] = {}
@@ -169,6 +171,7 @@ class Intake:
 
     def begin(self) -> None:
         self.changes = Changes()
+        self.rollup.begin()
         self.new_points.clear()
         self.new_alarms.clear()
         self.heard.clear()
@@ -177,6 +180,7 @@ class Intake:
     def stored(self) -> Changes:
         """The transaction is on the disk."""
         self.model.take(self.changes)
+        self.rollup.stored()
         for id_, command in self.changes.commands.items():
             if command.state in ENDED:
                 del self.model.commands[id_]
@@ -319,6 +323,7 @@ class Intake:
             if counts:
                 self._value(database, point, record, row, is_old)
         database.insert("history", EventRow._fields, without_tag)
+        self.rollup.add(database, ((each.row.point, each.row.at_ns) for each in taken))
 
     def _now(self, id_: int) -> Point:
         return self.changes.points.get(id_) or self.model.points[id_]

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from openrtu_tools.centre.areas import distance_m
 from openrtu_tools.centre.codes import INVALID
 from openrtu_tools.centre.records import ENDED
+from openrtu_tools.centre.rollup import mark
 from openrtu_tools.centre.settings import Keep
 from openrtu_tools.centre.store import Database, put
 
@@ -67,6 +68,19 @@ def _delete(database: Database, table: str, key: str, where: str, *values: int) 
     ).rowcount
 
 
+def _delete_history(database: Database, before_ns: int) -> int:
+    """So many rows at most; how many it was."""
+    gone = list(
+        database.execute(
+            "DELETE FROM history WHERE id IN (SELECT id FROM history WHERE at_ns < ? LIMIT ?)"
+            " RETURNING point, at_ns",
+            (before_ns, ROWS_AT_ONCE),
+        )
+    )
+    mark(database, ((row["point"], row["at_ns"]) for row in gone))
+    return len(gone)
+
+
 class Keeper:
     """The work of a round, as steps: each is a transaction of its own and says whether it has more to do."""
 
@@ -94,13 +108,15 @@ class Keeper:
                     self.drop_weeks(database, table, self._before(days))
         ended = ", ".join(str(int(state)) for state in ENDED)
         tables = (
-            ("history", "id", "at_ns < ?", None if self.drop_weeks else events_days),
             ("odd_tags", "point, tag_ns, value, quality", "received_ns < ?", self.keep.events_days),
             ("alarms", "id", "gone_ns < ?1 AND acknowledged_ns < ?1", self.keep.alarms_days),
             ("audit", "id", "at_ns < ?", self.keep.audit_days),
             ("commands", "id", f"changed_ns < ? AND state IN ({ended})", self.keep.audit_days),
         )
-        return any(
+        more = False
+        if events_days is not None and not self.drop_weeks:
+            more = _delete_history(database, self._before(events_days)) == ROWS_AT_ONCE
+        return more | any(
             [
                 _delete(database, table, key, where, self._before(days)) == ROWS_AT_ONCE
                 for table, key, where, days in tables

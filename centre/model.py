@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from openrtu_tools.centre.clocks import Told
 from openrtu_tools.centre.codes import INVALID, Content, Link
 from openrtu_tools.centre.records import EVENTS, UNKNOWN_ALTITUDE
-from openrtu_tools.centre.settings import Meaning, StationSettings
+
+if TYPE_CHECKING:  # who makes a file needs none of it, and would wait for its schema's library
+    from openrtu_tools.centre.settings import Meaning, StationSettings
 
 Json = dict[str, Any]
 NS_PER_MS = 1_000_000

@@ -19,6 +19,7 @@ import asyncpg
 
 from openrtu_tools.centre.errors import CentreError, StoreError
 from openrtu_tools.centre.records import UNKNOWN_ALTITUDE
+from openrtu_tools.centre.rollup import mark, mark_time
 from openrtu_tools.centre.store import READERS, Answer, Database, EventRow, Row, Store
 
 T = TypeVar("T")
@@ -30,6 +31,7 @@ EVENT_KEY = EventRow._fields[:4]
 LOCK = 0x4F52_5455  # one centre works on a database
 CONNECT_S = 10.0
 ANSWER_S = 60.0  # of a statement; a server that is slower is as good as gone
+MIGRATES_S = 3600.0  # of a step to the next version: it may read all that is stored
 AGAIN_S = 1.0
 LOCK_AGAIN_S, LOCK_TRIES = 0.1, 50
 FAULTS = (asyncpg.PostgresError, asyncpg.InterfaceError, asyncpg.InternalClientError, OSError, TimeoutError)
@@ -191,6 +193,25 @@ MIGRATIONS = (
     ALTER TABLE users ADD COLUMN subject TEXT NOT NULL DEFAULT '';
     CREATE UNIQUE INDEX users_subject ON users (subject) WHERE subject <> '';
     ALTER TABLE sessions ADD COLUMN sid TEXT NOT NULL DEFAULT '';
+    """,
+    """
+    CREATE TABLE rollup (
+        point BIGINT NOT NULL,
+        shift INTEGER NOT NULL,
+        slot BIGINT NOT NULL,
+        low DOUBLE PRECISION, high DOUBLE PRECISION,
+        number BIGINT NOT NULL,
+        quality INTEGER NOT NULL,
+        last_value DOUBLE PRECISION NOT NULL, last_quality INTEGER NOT NULL,
+        PRIMARY KEY (point, shift, slot)
+    );
+    CREATE TABLE unrolled (
+        point BIGINT NOT NULL, shift INTEGER NOT NULL, slot BIGINT NOT NULL,
+        PRIMARY KEY (point, shift, slot)
+    );
+    CREATE INDEX unrolled_slot ON unrolled (shift, slot);
+    INSERT INTO unrolled SELECT DISTINCT point, 38, at_ns >> 38 FROM history;
+    INSERT INTO unrolled SELECT DISTINCT point, 44, slot >> 6 FROM unrolled;
     """,
 )
 
@@ -441,12 +462,18 @@ class PostgresStore(Store):
         assert isinstance(database, Session)
         oldest = time.time_ns() // WEEK_NS - WEEKS_BACK
         for week in _weeks(database, table):
+            if table == "history" and (week + 1) * WEEK_NS <= before_ns:
+                mark_time(database, week * WEEK_NS, (week + 1) * WEEK_NS - 1)
             if week < oldest and (week + 1) * WEEK_NS <= before_ns:
                 database.script(f"DROP TABLE {table}_{week}")
                 database.weeks[table].discard(week)
             elif (week + 1) * WEEK_NS <= before_ns:  # it may be written to again
                 database.script(f"TRUNCATE {table}_{week}")
-        database.script(f"DELETE FROM {table}_other WHERE at_ns < {before_ns}")
+        gone = database.execute(
+            f"DELETE FROM {table}_other WHERE at_ns < ? RETURNING point, at_ns", (before_ns,)
+        )
+        if table == "history":
+            mark(database, ((row["point"], row["at_ns"]) for row in gone))
 
     # ---- reading -----------------------------------------------------------------------------
 
@@ -500,5 +527,5 @@ def _migrate(session: Session) -> None:
     if version > len(MIGRATIONS):
         raise CentreError("the database is of a newer centre: start that one, or restore a backup")
     for number, script in enumerate(MIGRATIONS[version:], version + 1):
-        session.script(script)
+        session.do(session.connection.execute(script, timeout=MIGRATES_S))
         session.execute("INSERT INTO version VALUES (?)", (number,))

@@ -170,6 +170,26 @@ MIGRATIONS = (
     CREATE UNIQUE INDEX users_subject ON users (subject) WHERE subject <> '';
     ALTER TABLE sessions ADD COLUMN sid TEXT NOT NULL DEFAULT ''; -- the provider's session
     """,
+    """
+    -- What the history was in slots of time; and of which slots that is not known yet (rollup.py).
+    CREATE TABLE rollup (
+        point INTEGER NOT NULL,
+        shift INTEGER NOT NULL,
+        slot INTEGER NOT NULL,
+        low REAL, high REAL,
+        number INTEGER NOT NULL,
+        quality INTEGER NOT NULL,
+        last_value REAL NOT NULL, last_quality INTEGER NOT NULL,
+        PRIMARY KEY (point, shift, slot)
+    ) WITHOUT ROWID;
+    CREATE TABLE unrolled (
+        point INTEGER NOT NULL, shift INTEGER NOT NULL, slot INTEGER NOT NULL,
+        PRIMARY KEY (point, shift, slot)
+    ) WITHOUT ROWID;
+    CREATE INDEX unrolled_slot ON unrolled (shift, slot);
+    INSERT INTO unrolled SELECT DISTINCT point, 38, at_ns >> 38 FROM history;
+    INSERT INTO unrolled SELECT DISTINCT point, 44, slot >> 6 FROM unrolled;
+    """,
 )
 
 

@@ -45,7 +45,7 @@ def main() -> None:
         page.locator("dialog .outcome").wait_for()
         take(page, "command")
         page.keyboard.press("Escape")
-        page.keyboard.press("5")
+        page.keyboard.press("6")
         page.get_by_role("button", name="Audit").click()
         page.locator("td", has_text="feeder10.breaker-command").first.wait_for()
         take(page, "audit")

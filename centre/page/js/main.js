@@ -9,11 +9,12 @@ import * as live from "./live.js";
 import { showMap } from "./map.js";
 import { showPoints } from "./points.js";
 import { showStations } from "./stations.js";
+import { showTrends } from "./trends.js";
 import { showUsers } from "./users.js";
 import { chosen, LANGUAGES, speak, t, time } from "./words.js";
 import { chosenZone, zones } from "./zone.js";
 
-const VIEWS = { map: showMap, points: showPoints, alarms: showAlarms, stations: showStations, users: showUsers };
+const VIEWS = { map: showMap, points: showPoints, alarms: showAlarms, stations: showStations, trends: showTrends, users: showUsers };
 const NEEDS = { users: "engineer" }; // all others are for everybody
 const REFUSED = ["no_role", "name_taken", "provider", "disabled", "somebody_else"]; // by a provider's login, with words of their own
 let leave = () => {};

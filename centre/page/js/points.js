@@ -80,8 +80,9 @@ export function showPoints(main, wanted) {
     const ways = [["earlier", "‹", -span], ["later", "›", span]].map(([key, sign, ms]) =>
       h("button", { class: "small", title: t(key), "aria-label": t(key), onclick: () => openChart(id, span, end + ms) }, sign));
     const file = h("a", { href: `api/points/${id}/history?format=csv&from=${end - span}&to=${end}`, download: "" }, "CSV");
+    const trend = h("a", { href: `#trends/points=${id}&span=${span}` }, t("trends"));
     const close = h("button", { class: "small", "aria-label": t("close"), onclick: () => { open = 0; chartCard.hidden = true; } }, "✕");
-    chartCard.replaceChildren(h("div", { class: "row" }, h("h2", { class: "grow" }, point.name), ...spans, ...ways, file, close), place);
+    chartCard.replaceChildren(h("div", { class: "row" }, h("h2", { class: "grow" }, point.name), ...spans, ...ways, trend, file, close), place);
     chartCard.hidden = false;
     chart(place, point, span, end).catch((error) => place.replaceChildren(h("p", { class: "error" }, t("failed", { error: error.message }))));
   }

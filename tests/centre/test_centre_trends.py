@@ -1,0 +1,249 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Trends: columns say what a reader of the whole history would, whatever is summed up already."""
+
+import asyncio
+import contextlib
+import doctest
+import random
+import sqlite3
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import pytest
+
+from openrtu_tools.centre import keep, rollup, trends
+from openrtu_tools.centre.codes import TAGGED, Cause, Content, Kind
+from openrtu_tools.centre.database import open_store
+from openrtu_tools.centre.intake import Intake
+from openrtu_tools.centre.keep import Keeper
+from openrtu_tools.centre.records import Record
+from openrtu_tools.centre.rollup import SHIFTS, Rollup
+from openrtu_tools.centre.settings import Keep, StationSettings
+from openrtu_tools.centre.sqlite import MIGRATIONS
+from openrtu_tools.centre.store import EventRow, Store
+from openrtu_tools.centre.trends import Column, Trend
+from postgres import Server
+
+S = 10**9
+DAY = 86400 * S
+END = 20000 * DAY  # of what is random, and now
+QUALITIES = (0, 0, 0, 0, 64, 128, 192, 16)
+POINTS = (1, 2, 3)
+LOOP = asyncio.new_event_loop()  # a store keeps to the one that it was read in first
+
+
+@pytest.fixture
+def store(server: Server | None, tmp_path: Path) -> Iterator[Store]:
+    where = server.new_database() if server else tmp_path / "centre.db"
+    with contextlib.closing(open_store(where, alone=True)) as made:
+        made.transaction(lambda database: database.insert("stations", ["name"], [("north",)]))
+        points = [(1, 1, ioa) for ioa in POINTS]
+        made.transaction(lambda database: database.insert("points", ["station", "ca", "ioa"], points))
+        yield made
+
+
+def put(store: Store, summed: Rollup, rows: Sequence[EventRow]) -> None:
+    summed.begin()
+
+    def work(database: rollup.Database) -> None:
+        database.insert("history", EventRow._fields, rows)
+        summed.add(database, ((row.point, row.at_ns) for row in rows))
+
+    store.transaction(work)
+    summed.stored()
+
+
+def roll(store: Store, summed: Rollup, now_ns: int = END) -> None:
+    while store.transaction(lambda database: summed.step(database, store.among, now_ns)):
+        pass
+
+
+def rows_of(store: Store, table: str, columns: str) -> list[tuple[int, ...]]:
+    return [
+        tuple(row)
+        for row in store.transaction(lambda database: [*database.execute(f"SELECT {columns} FROM {table}")])
+    ]
+
+
+def some(chance: random.Random, count: int, begin: int, end: int) -> list[EventRow]:
+    """Dense and sparse stretches; many at the same time."""
+    middle = chance.randrange(begin, end)
+    rows = []
+    for _ in range(count):
+        at = chance.choice((chance.randrange(begin, end), middle + chance.randrange(3600) * S))
+        rows.append(
+            EventRow(
+                chance.choice(POINTS), at, chance.randrange(-50, 50) / 2, chance.choice(QUALITIES), at, 3, 0
+            )
+        )
+    return rows
+
+
+def scanned(store: Store, point: int, columns: Sequence[Column], shift: int) -> list[Column]:
+    """By a full scan, as simply as it can be said."""
+    history = sorted(
+        (at, id_, value, quality)
+        for at, id_, value, quality, of in rows_of(store, "history", "at_ns, id, value, quality, point")
+        if of == point
+    )
+    said = []
+    for column in columns:
+        begin, end = column.at_ns, column.at_ns + (1 << shift)
+        held = [row for row in history if row[0] < begin][-1:]
+        inside = [row for row in history if begin <= row[0] < end]
+        valid = [value for _, _, value, quality in held + inside if quality < 128]
+        last = (held + inside)[-1]
+        quality = 0
+        for row in held + inside:
+            quality |= row[3]
+        said.append(
+            Column(
+                begin,
+                min(valid, default=None),
+                max(valid, default=None),
+                last[2] if last[3] < 128 else None,
+                quality,
+                len(inside),
+            )
+        )
+    return said
+
+
+def asked(store: Store, point: int, begin: int, end: int, most: int) -> Trend:
+    return LOOP.run_until_complete(trends.trend(store, point, begin, end, most))
+
+
+def check(store: Store, chance: random.Random, since: int) -> int:
+    """Some spans; how many were in columns."""
+    in_columns = 0
+    for _ in range(12):
+        point, most = chance.choice(POINTS), chance.choice((5, 40))
+        begin = chance.randrange(since, END)
+        end = chance.choice((END, min(END, begin + chance.randrange(1, 10 ** chance.randrange(10, 17)))))
+        found = asked(store, point, begin, end, most)
+        if found.exact:
+            continue
+        in_columns += 1
+        shift = next(n for n in range(64) if (end >> n) - (begin >> n) < most)
+        assert found.columns == scanned(store, point, found.columns, shift)
+        expected = {*range(found.columns[0].at_ns, end + 1, 1 << shift)}
+        assert {column.at_ns for column in found.columns} == expected  # none is missing on the way
+        assert len(found.columns) <= most
+    return in_columns
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_columns_say_what_a_full_scan_says(store: Store, monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
+    """After each of: some came in any order, some was summed up, the oldest went."""
+    monkeypatch.setattr(keep, "ROWS_AT_ONCE", 100)
+    chance, summed = random.Random(seed), Rollup()
+    since, in_columns = END - 200 * DAY, 0
+    for _ in range(3):
+        put(store, summed, some(chance, 150, since, END))
+        in_columns += check(store, chance, since)
+        if chance.random() < 0.5:
+            monkeypatch.setattr(rollup, "STEP_S", chance.choice((0, 1)))
+            for _ in range(30):  # of many
+                store.transaction(lambda database: summed.step(database, store.among, END))
+        else:
+            roll(store, summed, END - chance.randrange(20 * DAY))
+        in_columns += check(store, chance, since)
+        since += chance.randrange(30 * DAY)
+        keeper = Keeper(Keep(events_days=(END - since) / DAY), 60, END, store.drop_weeks)
+        store.transaction(keeper.old_rows)
+        in_columns += check(store, chance, since)
+        while store.transaction(keeper.old_rows):
+            pass
+        in_columns += check(store, chance, since)
+    assert in_columns > 20
+    roll(store, summed, END + 365 * DAY)
+    assert not rows_of(store, "unrolled", "*")
+    kept = {
+        (point, shift, at >> shift)
+        for point, at in rows_of(store, "history", "point, at_ns")
+        for shift in SHIFTS
+    }
+    assert {*rows_of(store, "rollup", "point, shift, slot")} == kept
+
+
+def test_few_rows_are_told_as_they_are(store: Store) -> None:
+    """With what held before them; a value that is not valid is none."""
+    rows = [
+        EventRow(1, at * S, value, quality, 0, 3, 0)
+        for at, value, quality in ((1, 5, 0), (10, 6, 0), (10, 7, 128), (20, 8, 64))
+    ]
+    put(store, Rollup(), rows)
+    found = asked(store, 1, 5 * S, 30 * S, 10)
+    assert found.exact
+    assert [(each.at_ns // S, each.last, each.quality, each.number) for each in found.columns] == [
+        (5, 5, 0, 0), (10, 6, 0, 1), (10, None, 128, 1), (20, 8, 64, 1),
+    ]  # fmt: skip
+    assert asked(store, 2, 0, 30 * S, 10) == Trend(True, [])
+
+
+def test_what_is_stored_is_marked_until_it_is_summed_up(store: Store) -> None:
+    """By whatever way it came; a second time as well, and a transaction that fails marks nothing."""
+    intake = store.transaction(lambda database: Intake(database, {"north": StationSettings("north")}))
+    intake.stored()
+
+    def take(value: int, at_ns: int, flags: int = TAGGED, fails: bool = False) -> None:
+        rest = value.to_bytes(4, "little") + bytes([0, 0, Content.SCALED]) + bytes(5)
+        record = Record(
+            Kind.INFORMATION, flags, 1, 0, 1, 1, received_ns=END, tag_ns=at_ns, type=35,
+            cause=Cause.SPONTANEOUS, rest=rest,
+        )  # fmt: skip
+        named = Record(Kind.STATION, 0, 0, 0, 0, 0, name="north", received_ns=1)
+
+        def work(database: rollup.Database) -> None:
+            intake.take(database, [named, record])
+            if fails:
+                raise LookupError
+
+        intake.begin()
+        store.transaction(work)
+        intake.stored()
+
+    def marked() -> set[int]:
+        return {slot for _, shift, slot in rows_of(store, "unrolled", "*") if shift == SHIFTS[0]}
+
+    with pytest.raises(LookupError):
+        take(1, END - 10 * S, fails=True)
+    assert not marked()
+    take(1, END - 10 * S)
+    assert marked() == {END - 10 * S >> SHIFTS[0]}
+    take(2, 0, flags=0)
+    assert marked() == {END - 10 * S >> SHIFTS[0], END >> SHIFTS[0]}
+    roll(store, intake.rollup, END + DAY)
+    assert not marked()
+    take(3, END - 9 * S)
+    assert marked() == {END - 9 * S >> SHIFTS[0]}
+
+
+def test_history_of_an_older_centre_is_summed_up(tmp_path: Path) -> None:
+    file = tmp_path / "centre.db"
+    chance = random.Random(7)
+    before = next(n for n, script in enumerate(MIGRATIONS) if "unrolled" in script)
+    with contextlib.closing(sqlite3.connect(file)) as database:
+        database.executescript(";".join(MIGRATIONS[:before]) + f"; PRAGMA user_version = {before};")
+        database.execute("INSERT INTO stations (name) VALUES ('north')")
+        database.executemany(
+            "INSERT INTO points (station, ca, ioa) VALUES (1, 1, ?)", [(ioa,) for ioa in POINTS]
+        )
+        sql = f"INSERT INTO history ({', '.join(EventRow._fields)}) VALUES (?, ?, ?, ?, ?, ?, ?, ?)"
+        database.executemany(sql, some(chance, 500, END - 50 * DAY, END))
+        database.commit()
+    with contextlib.closing(open_store(file, alone=True)) as store:
+        assert check(store, chance, END - 50 * DAY)
+        roll(store, Rollup(), END + DAY)
+        assert not rows_of(store, "unrolled", "*") and rows_of(store, "rollup", "slot")
+        assert check(store, chance, END - 50 * DAY)
+
+
+def test_ranges() -> None:
+    assert not doctest.testmod(trends).failed
+    assert trends._ranges([]) == []
+    assert trends._ranges([4]) == [(4, 4)]
+    numbers = [n for n in range(200) if n % 3]
+    ranges = trends._ranges(numbers)
+    assert len(ranges) == trends.RANGES_MOST
+    assert {*numbers} <= {n for first, last in ranges for n in range(first, last + 1)}
