@@ -15,7 +15,9 @@ from typing import Any
 
 from aiohttp import web
 
-from openrtu_tools.centre import accounts, exports, formats
+from openrtu_tools.centre import accounts, exports, formats, rates
+from openrtu_tools.centre.alarms import NETWORK, view_for
+from openrtu_tools.centre.codes import Cause
 from openrtu_tools.centre.errors import RefusedError, StoreError
 from openrtu_tools.centre.exports import STRETCH_NS
 from openrtu_tools.centre.formats import Writer
@@ -53,6 +55,14 @@ AUDITED = {
         "recovery code",
     ),
     "users": ("user", "user removed"),
+}
+# Of an event, what its cause of transmission says.
+CAUSES = {
+    "spontaneous": "SPONTANEOUS",
+    "requested": "REQUEST",
+    "remote": "RETURN_REMOTE",
+    "local": "RETURN_LOCAL",
+    "interrogated": "INTERROGATED",
 }
 TIME_MOST = 9 * 10**12  # milliseconds, some 285 years: nanoseconds still have 64 bits
 
@@ -233,27 +243,64 @@ async def trends(asked: Asked) -> Any:
     return {"from": begin // NS_PER_MS, "to": end // NS_PER_MS, "trends": answered}
 
 
+def _found(asked: Asked) -> tuple[set[int], set[int] | None]:
+    """The stations that are asked for; and of a text, the points whose names, or stations' names, have it."""
+    station, text = _asked(asked, "station", 0), asked.query.get("text", "").casefold()
+    stations = {id_ for id_ in asked.stations() if not station or id_ == station}
+    if not text:
+        return stations, None
+    model = asked.centre.model
+    named = {id_ for id_ in stations if text in model.stations[id_].settings.name.casefold()}
+    points = {
+        point.id
+        for point in asked.points()
+        if point.station in named or (point.station in stations and text in point.meaning.name.casefold())
+    }
+    return stations, points
+
+
+def _cause(asked: Asked) -> str:
+    """A condition."""
+    cause = asked.query.get("cause", "")
+    if cause and cause not in CAUSES:
+        raise RefusedError(400, "form", f"{cause} is no cause: {', '.join(CAUSES)}")
+    return f" AND history.cause = {int(Cause[CAUSES[cause]])}" if cause else ""
+
+
 async def events(asked: Asked) -> Any:
     """Newest first; as a file, oldest first."""
     begin, end = _span(asked, DAY_S)
-    station = _asked(asked, "station", 0)
-    seen = {id_ for id_ in asked.stations() if not station or id_ == station}
+    stations, points = _found(asked)
+    cause = _cause(asked)
     if asked.query.get("format") == "csv":
         await _export(asked, "events")
         model = asked.centre.model
         names = {
             point.id: (model.stations[point.station].settings.name, point.meaning.name)
             for point in model.points.values()
-            if point.station in seen
+            if point.station in stations and (points is None or point.id in points)
         }
-        order = {"what": "events", "names": names, "begin": begin, "end": end}
+        order = {"what": "events", "names": names, "cause": cause, "begin": begin, "end": end}
         return await _made(asked, order, "text/csv", "events.csv")
-    sql = (
-        "SELECT history.id, history.at_ns / 1000000 AS at, points.station, history.point, history.value,"
-        " history.quality, history.cause FROM history JOIN points ON points.id = history.point"
-        f" WHERE points.station {asked.centre.store.among}"
-    )
-    return await _newest(asked, sql, "history.at_ns", begin, end, json.dumps(list(seen)))
+    if points is None and "station" in asked.query:
+        points = {point.id for point in asked.points() if point.station in stations}
+    store, columns = asked.centre.store, "history.id, history.at_ns / 1000000 AS at, history.point,"
+    columns += " history.value, history.quality, history.cause"
+    if points is None:
+        source, wanted = (
+            f"history JOIN points ON points.id = history.point WHERE station {store.among}",
+            stations,
+        )
+        columns += ", points.station"
+    elif len(points) <= exports.POINTS_MOST:  # by the index of each
+        source, wanted = f"{store.wanted} CROSS JOIN history WHERE history.point = number", points
+    else:
+        source, wanted = f"history WHERE history.point {store.among}", points
+    sql = f"SELECT {columns} FROM {source}{cause}"
+    rows = await _newest(asked, sql, "history.at_ns", begin, end, json.dumps(list(wanted)))
+    for row in rows:
+        row["station"] = asked.centre.model.points[row["point"]].station
+    return rows
 
 
 def _names(asked: Asked) -> dict[int, str]:
@@ -320,32 +367,77 @@ async def tracks(asked: Asked) -> Any:
 
 
 async def alarms(asked: Asked) -> list[Json]:
-    """Open ones; with from or to, all that came in that time, newest first."""
-    station, kind = _asked(asked, "station", 0), asked.query.get("kind", "")
-    seen = [id_ for id_ in asked.stations() if not station or id_ == station]
+    """Open ones; with from, to or part_of, all that came in that time or are its parts, newest first."""
+    if {"from", "to", "part_of"} & asked.query.keys():
+        found = await _past_alarms(asked)
+    else:
+        stations, points = _found(asked)
+        kind, text = _kind(asked), asked.query.get("text", "").casefold()
+        found = [
+            alarm
+            for alarm in asked.centre.model.alarms.values()
+            if alarm.station in stations
+            and kind in ("", alarm.kind)
+            and (points is None or _tells(asked, alarm, points, text))
+        ]
+    views = [view_for(alarm, bool(asked.session.groups)) for alarm in found]
+    return [view for view in views if view]
+
+
+def _kind(asked: Asked) -> str:
+    kind = asked.query.get("kind", "")
     if kind and kind not in ALARM_KINDS:
         raise RefusedError(400, "form", f"{kind} is no kind: {', '.join(ALARM_KINDS)}")
-    if not {"from", "to"} & asked.query.keys():
-        among = set(seen)
-        return [
-            alarm.view()
-            for alarm in asked.centre.model.alarms.values()
-            if alarm.station in among and kind in ("", alarm.kind)
-        ]
-    begin, end = _span(asked, DAY_S)
-    sql = f"SELECT * FROM alarms WHERE since_ns BETWEEN ? AND ? AND station {asked.centre.store.among}"
-    values: list[Any] = [begin, end, json.dumps(seen)]
+    return kind
+
+
+def _tells(asked: Asked, alarm: Alarm, points: set[int], text: str) -> bool:
+    """As _past_alarms looks for it."""
+    station = asked.centre.model.stations[alarm.station].settings.name
+    told = (station, alarm.area or "", alarm.shelved_why, alarm.acknowledged_by or "")
+    return alarm.point in points or any(text in each.casefold() for each in told)
+
+
+async def _past_alarms(asked: Asked) -> list[Alarm]:
+    stations, points = _found(asked)
+    kind, text, store = _kind(asked), asked.query.get("text", "").casefold(), asked.centre.store
+    sql = f"SELECT * FROM alarms WHERE station {store.among}"
+    values: list[Any] = [json.dumps(list(stations))]
+    if {"from", "to"} & asked.query.keys():
+        sql, values = f"{sql} AND since_ns BETWEEN ? AND ?", [*values, *_span(asked, DAY_S)]
+    if "part_of" in asked.query:
+        sql, values = f"{sql} AND suppressed_by = ?", [*values, _asked(asked, "part_of", 0)]
     if kind:
         sql, values = f"{sql} AND kind = ?", [*values, kind]
-    rows = await asked.centre.store.read(f"{sql} ORDER BY since_ns DESC LIMIT ?", *values, ROWS)
-    return [Alarm(**row).view() for row in rows]
+    if points is not None:
+        names = {id_: asked.centre.model.stations[id_].settings.name.casefold() for id_ in stations}
+        named = [id_ for id_, name in names.items() if text in name]
+        words = "lower(coalesce(area, '') || ' ' || shelved_why || ' ' || coalesce(acknowledged_by, ''))"
+        sql += f" AND (station {store.among} OR point {store.among} OR {words} LIKE ? ESCAPE '!')"
+        like = re.sub("([!%_])", r"!\1", text)
+        values += [json.dumps(named), json.dumps(list(points)), f"%{like}%"]
+    if asked.session.groups:  # LIMIT counts what is shown
+        sql, values = f"{sql} AND kind <> ?", [*values, NETWORK]
+    rows = await store.read(f"{sql} ORDER BY since_ns DESC LIMIT ?", *values, ROWS)
+    return [Alarm(**row) for row in rows]
+
+
+async def alarm_rates(asked: Asked) -> Json:
+    """Of the last 24 hours."""
+    seen = asked.stations()
+    alarms = [alarm for alarm in asked.centre.model.alarms.values() if alarm.station in seen]
+    return await rates.rates(asked.centre.store, time.time_ns(), list(seen), alarms)
+
+
+def _is_for(asked: Asked, alarm: Alarm) -> bool:
+    return asked.sees(alarm.station) and view_for(alarm, bool(asked.session.groups)) is not None
 
 
 def _alarm_id(asked: Asked) -> int:
     """Of an alarm that is not there the centre says so itself."""
     id_ = _id(asked)
     alarm = asked.centre.model.alarms.get(id_)
-    if alarm and not asked.sees(alarm.station):
+    if alarm and not _is_for(asked, alarm):
         raise RefusedError(409, "gone", f"alarm {id_} is gone and acknowledged, or there is none")
     return id_
 
@@ -357,7 +449,7 @@ async def acknowledge(asked: Asked) -> Json:
 async def acknowledge_many(asked: Asked) -> Json:
     """Of those that somebody else was first with, or that are not there for the user, nothing is said."""
     known = asked.centre.model.alarms
-    ids = [id_ for id_ in asked.body["ids"] if id_ in known and asked.sees(known[id_].station)]
+    ids = [id_ for id_ in asked.body["ids"] if id_ in known and _is_for(asked, known[id_])]
     return {"acknowledged": await asked.centre.acknowledge_many(asked.session, ids)}
 
 
@@ -463,6 +555,7 @@ async def openapi(asked: Asked) -> Json:
 MILLISECONDS = {"type": "integer", "description": "milliseconds since 1970, UTC"}
 SPAN: dict[str, Json] = {"from": MILLISECONDS, "to": MILLISECONDS}
 STATION: dict[str, Json] = {"station": {"type": "integer", "description": "only of this one"}}
+TEXT: dict[str, Json] = {"text": {"type": "string", "description": "a part of a name"}}
 CSV: dict[str, Json] = {"format": {"type": "string", "enum": ["csv"]}}
 FORMAT: dict[str, Json] = {"format": {"type": "string", "enum": list(formats.FORMATS)}}
 STEP = {"type": "integer", "description": "milliseconds: only the last place of each such time"}
@@ -481,14 +574,17 @@ ROUTES = [
           {**SPAN, **CSV, "points": {"type": "string", "description": "ids, with commas"},
            "columns": {"type": "integer", "description": "at most; fewer changes come as they were"}}),
     Route("GET", "/api/events", "viewer", "changes of all points, the last day unless asked for", events,
-          {**SPAN, **STATION, **CSV}),
+          {**SPAN, **STATION, **TEXT, **CSV, "cause": {"type": "string", "enum": list(CAUSES)}}),
     Route("GET", "/api/positions", "viewer", "the last position of each vehicle", positions, FORMAT,
           answer="application/geo+json"),
     Route("GET", "/api/tracks", "viewer", "ways of vehicles; a gap begins a new segment", tracks,
           {**SPAN, **FORMAT, "point": {"type": "integer"}, "step": STEP}, answer="application/geo+json"),
     Route("GET", "/api/areas", "viewer", "the areas of the map", areas),
     Route("GET", "/api/alarms", "viewer", "open alarms, or all that came in a time", alarms,
-          {**SPAN, **STATION, "kind": {"type": "string", "enum": list(ALARM_KINDS)}}),
+          {**SPAN, **STATION, **TEXT, "kind": {"type": "string", "enum": list(ALARM_KINDS)},
+           "part_of": {"type": "integer", "description": "only of the fault that is this alarm"}}),
+    Route("GET", "/api/alarms/rates", "viewer", "how often alarms came in the last 24 hours, and which",
+          alarm_rates),
     Route("POST", "/api/alarms/acknowledge", "operator", "acknowledge many alarms", acknowledge_many,
           body=described(["ids"], ids={"type": "array", "items": {"type": "integer"}, "maxItems": IDS_MOST})),
     Route("POST", "/api/alarms/{id}/acknowledge", "operator", "acknowledge an alarm", acknowledge),

@@ -15,6 +15,7 @@ from itertools import count
 from typing import Any, Protocol, TypeVar
 
 from openrtu_tools.centre import records
+from openrtu_tools.centre.alarms import NETWORK
 from openrtu_tools.centre.codes import Ask, Kind, Result, State
 from openrtu_tools.centre.database import open_store
 from openrtu_tools.centre.errors import CentreError, RefusedError, StoreError
@@ -32,6 +33,7 @@ log = logging.getLogger("centre")
 
 SLOW_S = 5.0  # a database that takes longer is said to be at fault
 AGAIN_S = 1.0  # until the next attempt: to connect, to store
+DUE_EVERY_S = 0.5  # looks for what has lasted long enough for an alarm
 KEEP_EVERY_S, KEEP_REST_S = 3600.0, 0.02  # between rounds, and between steps that are full
 ROLL_EVERY_S = 30.0
 RELEASE_S = 60.0  # a command that nothing was sent of waits so long for the second person
@@ -62,11 +64,11 @@ class Centre:
         self.settings = settings
         self.store = open_store(settings.database, alone=True)
         self.intake: Intake = self.store.transaction(
-            lambda database: Intake(database, settings.stations, settings.areas)
+            lambda database: Intake(database, settings.stations, settings.areas, settings.alarms)
         )
         self.intake.stored()
         self.model = Model()  # the loop's own: the intake's belongs to the writer
-        for kind in ("stations", "points", "alarms", "commands"):
+        for kind in ("stations", "points", "alarms", "commands", "causes"):
             getattr(self.model, kind).update(getattr(self.intake.model, kind))
         self.watchers: set[Watcher] = set()
         self.fault = ""  # why nothing can be stored now
@@ -179,6 +181,15 @@ class Centre:
         """The state of the centre itself has changed."""
         for watcher in self.watchers:
             watcher.changed(Changes(), set())
+
+    async def raise_due(self) -> None:
+        """Alarms whose causes have lasted long enough, for ever."""
+        while True:
+            await asyncio.sleep(DUE_EVERY_S)
+            now_ns = time.time_ns()
+            if any(cause.due_ns <= now_ns for cause in self.model.causes.values()):
+                with suppress(StoreError):  # the next record says what is wrong
+                    await self.change(self.intake.due)
 
     async def keep(self) -> None:
         """Lets go of what is too old, for ever."""
@@ -540,8 +551,17 @@ class Centre:
             raise RefusedError(409, "acknowledged", f"{alarm.acknowledged_by} has acknowledged it")
         audit(database, time.time_ns(), user, "acknowledge", f"alarm {id_}: {alarm.kind}", alarm.station)
         alarm = replace(alarm, acknowledged_ns=time.time_ns(), acknowledged_by=user)
-        self.intake.put_alarm(database, alarm)
+        self.intake.alarms.put(database, alarm)
+        if alarm.kind == NETWORK:
+            self._acknowledge_parts(database, alarm)
         return alarm
+
+    def _acknowledge_parts(self, database: Database, network: Alarm) -> None:
+        """Who acknowledges a fault of the network acknowledges each station that is lost by it."""
+        for part in [*self.intake.model.alarms.values()]:
+            if part.suppressed_by == network.id and part.acknowledged_ns is None:
+                assert network.acknowledged_by
+                self._acknowledge(database, network.acknowledged_by, part.id)
 
     async def shelve(self, by: Person, id_: int, minutes: float, why: str) -> Alarm:
         """Out of sight for a time; 0 brings it back."""
@@ -554,14 +574,14 @@ class Centre:
             )
             text = f"alarm {id_}: {alarm.kind}, {minutes:g} min{': ' if why else ''}{why}"
             audit(database, time.time_ns(), by.user, "shelve", text, alarm.station)
-            self.intake.put_alarm(database, alarm)
+            self.intake.alarms.put(database, alarm)
             return alarm
 
         return await self.change(put)
 
     def _open_alarm(self, id_: int) -> Alarm:
         """In the writer's thread. One that has ended since was acknowledged by somebody."""
-        alarm = self.intake.model.alarms.get(id_)
+        alarm = self.intake.changes.alarms.get(id_) or self.intake.model.alarms.get(id_)
         if not alarm:
             raise RefusedError(409, "gone", f"alarm {id_} is gone and acknowledged, or there is none")
         return alarm

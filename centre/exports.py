@@ -122,7 +122,7 @@ async def _events(store: Store, order: Json) -> Text:
         source, values = f"{store.wanted} CROSS JOIN history WHERE point = number", [json.dumps(list(names))]
     else:
         source, values = "history WHERE TRUE", []
-    sql = f"SELECT at_ns, id AS key, point, value, quality, cause FROM {source}"
+    sql = f"SELECT at_ns, id AS key, point, value, quality, cause FROM {source}{order['cause']}"
     async for rows in rows_of_time(store, sql, "id", order["begin"], order["end"], *values):
         yield table(
             (

@@ -11,6 +11,7 @@ from dataclasses import astuple, fields, replace
 from operator import attrgetter
 from typing import NamedTuple
 
+from openrtu_tools.centre.alarms import Alarms, alarming
 from openrtu_tools.centre.areas import Area, Areas
 from openrtu_tools.centre.clocks import LIMIT_NS, Clock, Told
 from openrtu_tools.centre.codes import (
@@ -24,10 +25,10 @@ from openrtu_tools.centre.codes import (
     Result,
     State,
 )
-from openrtu_tools.centre.model import Alarm, AlarmKey, Changes, Command, Model, Point, Station
+from openrtu_tools.centre.model import AlarmKey, Changes, Command, Model, Point, Station
 from openrtu_tools.centre.records import ENDED, EVENTS, UNKNOWN_ALTITUDE, Record
 from openrtu_tools.centre.rollup import Rollup
-from openrtu_tools.centre.settings import Meaning, StationSettings
+from openrtu_tools.centre.settings import AlarmRules, Meaning, StationSettings
 from openrtu_tools.centre.store import Database, EventRow, inserted, put
 
 ANSWERED = (Result.DONE, Result.EXCEPTION, Result.TIMEOUT)  # of a station that is there
@@ -39,27 +40,11 @@ POINT_COLUMNS = [
 STATION_COLUMNS = ["link", "reason", "error", "since_ns", "heard_ns", "sessions", "records"]
 TRACK_COLUMNS = ["point", "at_ns", "latitude", "longitude", "altitude", "quality", "detail"]
 OF_POINT, OF_STATION = attrgetter(*POINT_COLUMNS, "id"), attrgetter(*STATION_COLUMNS, "id")
-ALARM_COLUMNS = [column.name for column in fields(Alarm)]
 COMMAND_COLUMNS = [column.name for column in fields(Command)]
 
 
 def _is_tagged_event(row: EventRow) -> bool:
     return row.cause in EVENTS and (bool(row.tagged) or row.tag_ns is not None)
-
-
-def _alarming(point: Point) -> dict[str, bool]:
-    """Of each kind of alarm that its list wants, whether its value is so."""
-    meaning, value = point.meaning, point.value
-    if value is None or point.quality & INVALID:
-        return {}
-    found = {}
-    if meaning.high is not None:
-        found["high"] = value > meaning.high
-    if meaning.low is not None:
-        found["low"] = value < meaning.low
-    if meaning.state is not None:
-        found["state"] = value == meaning.state
-    return found
 
 
 class Taken(NamedTuple):
@@ -81,6 +66,7 @@ class Intake:
         database: Database,
         settings: dict[str, StationSettings],
         areas: tuple[Area, ...] = (),
+        rules: AlarmRules | None = None,
     ) -> None:
         self.settings = settings
         self.areas = areas
@@ -94,16 +80,16 @@ class Intake:
         self.rollup = Rollup()
         self.model = Model()
         self.changes = Changes()
+        self.alarms = Alarms(self.model, rules or AlarmRules())
+        self.alarms.begin(self.changes)
         self.by_name: dict[str, int] = {}
         self.places: dict[int, int] = {}  # a station's place in the collector's file: its id
         self.by_address: dict[tuple[int, int, int], int] = {}
-        self.open_alarms: dict[AlarmKey, int] = {}
         self.invalid: defaultdict[tuple[int, int], set[int]] = defaultdict(set)
         self.heard: dict[int, tuple[int, int]] = {}  # by station, in this transaction: when last, how often
         self.places_of_tracks: list[tuple[int, ...]] = []  # rows
-        # Of the transaction under way: what the two tables above do not have yet.
+        # Of the transaction under way: what the table above does not have yet.
         self.new_points: dict[tuple[int, int, int], int] = {}
-        self.new_alarms: dict[AlarmKey, int] = {}
         self._load(database)
 
     # ---- at the start ------------------------------------------------------------------------
@@ -133,10 +119,7 @@ class Intake:
             self.by_address[point.station, point.ca, point.ioa] = point.id
             if point.at_ns and point.quality & INVALID:
                 self.invalid[point.station, point.ca].add(point.id)
-        for row in database.execute("SELECT * FROM alarms WHERE gone_ns IS NULL OR acknowledged_ns IS NULL"):
-            alarm = Alarm(**dict(row))
-            self.model.alarms[alarm.id] = alarm
-            self.open_alarms[alarm.key] = alarm.id
+        self.alarms.load(database)
         self.odd_points = {row[0] for row in database.execute("SELECT DISTINCT point FROM odd_tags")}
         self._forgotten_areas(database)
         self.stranded(database)
@@ -146,7 +129,7 @@ class Intake:
         known = {(area.alarm, area.name) for area in self.areas}
         for alarm in self.model.alarms.values():
             if alarm.area is not None and alarm.gone_ns is None and (alarm.kind, alarm.area) not in known:
-                self.put_alarm(database, replace(alarm, gone_ns=time.time_ns()))
+                self.alarms.put(database, replace(alarm, gone_ns=time.time_ns()))
 
     def stranded(self, database: Database, of: Callable[[Station], bool] = lambda station: True) -> None:
         """Their collector is gone: what became of the commands that were not ended, nobody can say."""
@@ -172,8 +155,8 @@ class Intake:
     def begin(self) -> None:
         self.changes = Changes()
         self.rollup.begin()
+        self.alarms.begin(self.changes)
         self.new_points.clear()
-        self.new_alarms.clear()
         self.heard.clear()
         self.places_of_tracks.clear()
 
@@ -184,11 +167,7 @@ class Intake:
         for id_, command in self.changes.commands.items():
             if command.state in ENDED:
                 del self.model.commands[id_]
-        for alarm in self.changes.alarms.values():
-            if alarm.open:
-                self.open_alarms[alarm.key] = alarm.id
-            elif self.open_alarms.get(alarm.key) == alarm.id:
-                del self.open_alarms[alarm.key]
+        self.alarms.stored()
         for point in self.changes.points.values():
             self.by_address[point.station, point.ca, point.ioa] = point.id
             of_address = self.invalid[point.station, point.ca]
@@ -223,7 +202,13 @@ class Intake:
         self._clock_alarms(database)
         self._store_heard()
         self._quality_alarms(database)
+        self.alarms.end(database)
         self._store_last(database)
+
+    def due(self, database: Database) -> None:
+        """What has lasted long enough for an alarm."""
+        self.alarms.due(database)
+        self.alarms.end(database)
 
     def _store_last(self, database: Database) -> None:
         points, stations = self.changes.points.values(), self.changes.stations.values()
@@ -281,9 +266,9 @@ class Intake:
         )
         key: AlarmKey = ("lost", station.id, None, None)
         if state == Link.DOWN:
-            self._raise(database, key, LOST_PRIORITY, record.received_ns)
+            self.alarms.raise_(database, key, LOST_PRIORITY, record.received_ns)
         elif state == Link.UP:
-            self._clear(database, key, record.received_ns)
+            self.alarms.clear(database, key, record.received_ns)
 
     # ---- points ------------------------------------------------------------------------------
 
@@ -495,9 +480,11 @@ class Intake:
             for ca, clock in self.clocks[id_].items():
                 key: AlarmKey = ("clock", id_, ca, None)
                 if clock.wrong:
-                    self._raise(database, key, CLOCK_PRIORITY, heard_ns, value=round(clock.ahead_ns / 1e9))
+                    self.alarms.raise_(
+                        database, key, CLOCK_PRIORITY, heard_ns, value=round(clock.ahead_ns / 1e9)
+                    )
                 else:
-                    self._clear(database, key, heard_ns)
+                    self.alarms.clear(database, key, heard_ns)
 
     # ---- alarms ------------------------------------------------------------------------------
 
@@ -506,13 +493,19 @@ class Intake:
 
         `now` is the state behind an old event, which does not end what is so now.
         """
-        so, so_now = _alarming(point), _alarming(now) if now else {}
+
+        def is_active(kind: str) -> bool:
+            return self.alarms.is_active((kind, point.station, point.id, None))
+
+        rules = self.alarms.rules
+        so = alarming(point, rules, is_active)
+        so_now = alarming(now, rules, is_active) if now else {}
         for kind, is_so in so.items():
             key: AlarmKey = (kind, point.station, point.id, None)
             if is_so:
-                self._raise(database, key, point.meaning.priority, point.at_ns, point)
+                self.alarms.raise_(database, key, point.meaning.priority, point.at_ns, point)
             elif not so_now.get(kind):
-                self._clear(database, key, point.at_ns)
+                self.alarms.clear(database, key, point.at_ns)
 
     def _area_alarms(self, database: Database, point: Point) -> None:
         assert point.place
@@ -522,9 +515,9 @@ class Intake:
         for area, is_so in self.areas_of[point.station].alarms(*point.place):
             key: AlarmKey = (area.alarm, point.station, point.id, area.name)
             if is_so:
-                self._raise(database, key, area.priority, point.at_ns, point)
+                self.alarms.raise_(database, key, area.priority, point.at_ns, point)
             else:
-                self._clear(database, key, point.at_ns)
+                self.alarms.clear(database, key, point.at_ns)
 
     def _quality_alarms(self, database: Database) -> None:
         """One for all points of a common address: a dead device is one fault, however many points it has."""
@@ -540,56 +533,9 @@ class Intake:
             if invalid:
                 only_positions = all(point.is_position for point in points if point.id in invalid)
                 priority = POSITION_PRIORITY if only_positions else QUALITY_PRIORITY
-                self._raise(database, key, priority, now_ns, value=len(invalid))
+                self.alarms.raise_(database, key, priority, now_ns, value=len(invalid))
             else:
-                self._clear(database, key, now_ns)
-
-    def _alarm(self, key: AlarmKey) -> Alarm | None:
-        """The one that has not gone, or that nobody has acknowledged."""
-        id_ = self.new_alarms.get(key) or self.open_alarms.get(key)
-        alarm = None if id_ is None else self.changes.alarms.get(id_) or self.model.alarms[id_]
-        return alarm if alarm and alarm.open else None
-
-    def _raise(
-        self,
-        database: Database,
-        key: AlarmKey,
-        priority: int,
-        at_ns: int,
-        point: Point | None = None,
-        value: float | None = None,
-    ) -> None:
-        alarm = self._alarm(key)
-        if alarm:  # one that comes and goes is one until somebody has acknowledged it
-            if alarm.gone_ns is not None:
-                told = alarm.value if value is None else value
-                last_ns = max(at_ns, alarm.last_ns)
-                again = replace(alarm, gone_ns=None, value=told, returns=alarm.returns + 1, last_ns=last_ns)
-                self.put_alarm(database, again)
-            return
-        kind, station, place, area = key
-        ca = point.ca if point else place
-        value = point.value if point else value
-        id_ = inserted(
-            database,
-            "INSERT INTO alarms (kind, station, point, ca, priority, value, since_ns, last_ns, area)"
-            " VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
-            (kind, station, point and point.id, ca, priority, value, at_ns, at_ns, area),
-        )
-        self.changes.alarms[id_] = Alarm(
-            id_, kind, station, point and point.id, ca, priority, value, at_ns, area=area, last_ns=at_ns
-        )
-        self.new_alarms[key] = id_
-
-    def _clear(self, database: Database, key: AlarmKey, at_ns: int) -> None:
-        """None ends before it began, whatever a clock says."""
-        alarm = self._alarm(key)
-        if alarm and alarm.gone_ns is None:
-            self.put_alarm(database, replace(alarm, gone_ns=max(at_ns, alarm.since_ns)))
-
-    def put_alarm(self, database: Database, alarm: Alarm) -> None:
-        put(database, "alarms", ALARM_COLUMNS, astuple(alarm))
-        self.changes.alarms[alarm.id] = alarm
+                self.alarms.clear(database, key, now_ns)
 
     # ---- commands ----------------------------------------------------------------------------
 

@@ -110,6 +110,7 @@ class Keeper:
         tables = (
             ("odd_tags", "point, tag_ns, value, quality", "received_ns < ?", self.keep.events_days),
             ("alarms", "id", "gone_ns < ?1 AND acknowledged_ns < ?1", self.keep.alarms_days),
+            ("comings", "alarm, at_ns", "at_ns < ?", self.keep.alarms_days),
             ("audit", "id", "at_ns < ?", self.keep.audit_days),
             ("commands", "id", f"changed_ns < ? AND state IN ({ended})", self.keep.audit_days),
         )

@@ -156,7 +156,8 @@ class Point:
 
 
 # Of a station; of a common address: its points, its time tags; of a point; of a vehicle and an area.
-ALARM_KINDS = ("lost", "quality", "clock", "high", "low", "state", "inside", "outside")
+# Of many stations at once, too.
+ALARM_KINDS = ("lost", "quality", "clock", "high", "low", "state", "inside", "outside", "network")
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,6 +178,11 @@ class Alarm:
     returns: int = 0  # how often it came again before somebody acknowledged it
     last_ns: int = 0  # when it came last
     shelved_why: str = ""
+    suppressed_by: int | None = None  # the alarm of whose fault this one is a part
+
+    @property
+    def active(self) -> bool:
+        return self.gone_ns is None
 
     @property
     def open(self) -> bool:
@@ -205,7 +211,29 @@ class Alarm:
             "returns": self.returns,
             "last": milliseconds(self.last_ns),
             "why": self.shelved_why,
+            "suppressed_by": self.suppressed_by,
         }
+
+
+@dataclass(frozen=True, slots=True)
+class AlarmCause:
+    """Of an alarm: it is so, or no longer. What must last for a time first waits until `due_ns`."""
+
+    kind: str
+    station: int
+    place: int  # a point, or a common address; 0: none
+    area: str  # empty: none
+    point: int | None
+    ca: int | None
+    priority: int
+    value: float | None
+    at_ns: int
+    comes: int
+    due_ns: int = 0
+
+    @property
+    def key(self) -> AlarmKey:
+        return self.kind, self.station, self.place or None, self.area or None
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,6 +279,7 @@ class Model:
     points: dict[int, Point] = field(default_factory=dict)
     alarms: dict[int, Alarm] = field(default_factory=dict)  # open ones
     commands: dict[int, Command] = field(default_factory=dict)  # not ended
+    causes: dict[AlarmKey, AlarmCause] = field(default_factory=dict)  # that have not lasted long enough yet
 
     def take(self, changes: Changes) -> None:
         """What a transaction has stored."""
@@ -262,6 +291,11 @@ class Model:
             else:
                 self.alarms.pop(alarm.id, None)
         self.commands.update(changes.commands)
+        for key, cause in changes.causes.items():
+            if cause:
+                self.causes[key] = cause
+            else:
+                self.causes.pop(key, None)
 
 
 @dataclass
@@ -272,6 +306,7 @@ class Changes:
     points: dict[int, Point] = field(default_factory=dict)
     alarms: dict[int, Alarm] = field(default_factory=dict)
     commands: dict[int, Command] = field(default_factory=dict)
+    causes: dict[AlarmKey, AlarmCause | None] = field(default_factory=dict)  # None: it waits no longer
     values: list[Point] = field(default_factory=list)  # each that was told of points, in order
     doubts: set[tuple[int, int]] = field(
         default_factory=set

@@ -213,6 +213,28 @@ MIGRATIONS = (
     INSERT INTO unrolled SELECT DISTINCT point, 38, at_ns >> 38 FROM history;
     INSERT INTO unrolled SELECT DISTINCT point, 44, slot >> 6 FROM unrolled;
     """,
+    """
+    ALTER TABLE alarms ADD COLUMN suppressed_by BIGINT;
+    CREATE INDEX alarms_members ON alarms (suppressed_by) WHERE suppressed_by IS NOT NULL;
+    -- Each time that an alarm came; shown: neither suppressed nor shelved.
+    CREATE TABLE comings (alarm BIGINT NOT NULL, at_ns BIGINT NOT NULL, shown INTEGER NOT NULL);
+    CREATE INDEX comings_at ON comings (at_ns);
+    -- What has not lasted long enough yet to raise an alarm, or to end it.
+    CREATE TABLE causes (
+        kind TEXT NOT NULL,
+        station BIGINT NOT NULL,
+        place BIGINT NOT NULL,
+        area TEXT NOT NULL,
+        point BIGINT,
+        ca INTEGER,
+        priority INTEGER NOT NULL,
+        value DOUBLE PRECISION,
+        at_ns BIGINT NOT NULL,
+        comes INTEGER NOT NULL,
+        due_ns BIGINT NOT NULL,
+        PRIMARY KEY (kind, station, place, area)
+    );
+    """,
 )
 
 # Of a database that has PostGIS, for those who read: QGIS, distances. In degrees of WGS 84, and metres,

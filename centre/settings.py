@@ -33,6 +33,29 @@ ALARM = {
         "high": {"type": "number"},
         "state": {"type": "integer"},
         "priority": {"type": "integer", "minimum": 1, "maximum": 3},
+        "deadband": {"type": "number", "minimum": 0},
+        "class": {"type": "string"},
+    },
+}
+SECONDS = {"type": "number", "minimum": 0, "maximum": 86400}
+ALARMS = {
+    "type": "object",
+    "additionalProperties": False,
+    "properties": {
+        "network_stations": {"type": "integer", "minimum": 0},
+        "network_s": {"type": "number", "exclusiveMinimum": 0, "maximum": 3600},
+        "classes": {
+            "type": "object",
+            "additionalProperties": {
+                "type": "object",
+                "additionalProperties": False,
+                "properties": {
+                    "on_s": SECONDS,
+                    "off_s": SECONDS,
+                    "deadband": {"type": "number", "minimum": 0},
+                },
+            },
+        },
     },
 }
 STATION = {
@@ -182,6 +205,7 @@ CENTRE = {
     "map": {"type": "string"},
     "tls": TLS,
     "areas": {"type": "array", "items": AREA},
+    "alarms": ALARMS,
     "keep": KEEP,
     "mqtt": MQTT,
     "higher": HIGHER,
@@ -240,6 +264,33 @@ class Meaning:
     high: float | None = None
     state: int | None = None
     priority: int = 2
+    deadband: float | None = None  # None: its class says it
+    alarm_class: str = ""  # of limits and a state; empty: each kind is a class
+
+
+@dataclass(frozen=True)
+class AlarmClass:
+    """What must last, and how long, before an alarm comes or goes; and how far a value must come back."""
+
+    on_s: float = 0.0
+    off_s: float = 0.0
+    deadband: float = 0.0
+
+
+@dataclass(frozen=True)
+class AlarmRules:
+    """So many stations that are lost within a time are one fault of the network; 0: never."""
+
+    classes: dict[str, AlarmClass] = field(default_factory=dict)
+    network_stations: int = 10
+    network_s: float = 60.0
+
+    def of(self, kind: str, meaning: Meaning | None = None) -> AlarmClass:
+        name = (meaning and meaning.alarm_class) or kind
+        return self.classes.get(name, AlarmClass())
+
+    def deadband(self, kind: str, meaning: Meaning) -> float:
+        return self.of(kind, meaning).deadband if meaning.deadband is None else meaning.deadband
 
 
 @dataclass(frozen=True)
@@ -381,6 +432,7 @@ class Settings:
     proxies: tuple[Network, ...] = ()  # whose X-Forwarded-For is believed
     oidc: Oidc | None = None
     zone: str = "UTC"
+    alarms: AlarmRules = field(default_factory=AlarmRules)
 
     @property
     def sockets(self) -> list[Path]:
@@ -413,6 +465,7 @@ def load(path: Path) -> Settings:
         for station in content["stations"]
     ]
     folder = path.resolve().parent
+    alarms = _alarms(own.get("alarms", {}))
     database = own.get("database", "centre.db")
     return Settings(
         collector,
@@ -423,7 +476,7 @@ def load(path: Path) -> Settings:
         own.get("gap_s", 120.0),
         own.get("session_h", 12.0),
         own.get("secure", "tls" in own),
-        {station["name"]: _station(station, folder) for station in content["stations"]},
+        {station["name"]: _station(station, folder, alarms) for station in content["stations"]},
         Tls(folder / own["tls"]["certificate"], folder / own["tls"]["key"]) if "tls" in own else None,
         _areas(own.get("areas", [])),
         Keep(**own.get("keep", {})),
@@ -435,7 +488,13 @@ def load(path: Path) -> Settings:
         _proxies(own.get("proxies", [])),
         _oidc(own, folder) if "oidc" in own else None,
         zone.read(own.get("zone")),
+        alarms,
     )
+
+
+def _alarms(wanted: Json) -> AlarmRules:
+    classes = {name: AlarmClass(**keys) for name, keys in wanted.get("classes", {}).items()}
+    return AlarmRules(**{**wanted, "classes": classes})
 
 
 def _oidc(own: Json, folder: Path) -> Oidc:
@@ -526,7 +585,7 @@ def _areas(wanted: list[Json]) -> tuple[Area, ...]:
     return tuple(areas)
 
 
-def _station(station: Json, folder: Path) -> StationSettings:
+def _station(station: Json, folder: Path, rules: AlarmRules) -> StationSettings:
     points = read_points(folder / station["points"]) if "points" in station else {}
     alarms = station.get("alarms", {})
     unknown = set(alarms) - {meaning.name for meaning in points.values()}
@@ -536,7 +595,15 @@ def _station(station: Json, folder: Path) -> StationSettings:
         )
     for key, meaning in points.items():
         if meaning.name in alarms:
-            points[key] = Meaning(**{**vars(meaning), **alarms[meaning.name]})
+            wanted = dict(alarms[meaning.name])
+            wanted["alarm_class"] = wanted.pop("class", meaning.alarm_class)
+            points[key] = Meaning(**{**vars(meaning), **wanted})
+    for meaning in points.values():
+        if meaning.alarm_class and meaning.alarm_class not in rules.classes:
+            raise CentreError(
+                f"station {station['name']}: alarms: {meaning.name}: class: there is no {meaning.alarm_class}"
+                " in centre.alarms.classes"
+            )
     location = tuple(station["location"]) if "location" in station else None
     return StationSettings(
         station["name"],
@@ -597,4 +664,6 @@ def _meaning(row: dict[str, str]) -> Meaning:
         number("high"),
         int(row["state"]) if row.get("state") else None,
         int(row.get("priority") or 2),
+        number("deadband"),
+        row.get("class") or "",
     )

@@ -190,6 +190,28 @@ MIGRATIONS = (
     INSERT INTO unrolled SELECT DISTINCT point, 38, at_ns >> 38 FROM history;
     INSERT INTO unrolled SELECT DISTINCT point, 44, slot >> 6 FROM unrolled;
     """,
+    """
+    ALTER TABLE alarms ADD COLUMN suppressed_by INTEGER;
+    CREATE INDEX alarms_members ON alarms (suppressed_by) WHERE suppressed_by IS NOT NULL;
+    -- Each time that an alarm came; shown: neither suppressed nor shelved.
+    CREATE TABLE comings (alarm INTEGER NOT NULL, at_ns INTEGER NOT NULL, shown INTEGER NOT NULL);
+    CREATE INDEX comings_at ON comings (at_ns);
+    -- What has not lasted long enough yet to raise an alarm, or to end it.
+    CREATE TABLE causes (
+        kind TEXT NOT NULL,
+        station INTEGER NOT NULL,
+        place INTEGER NOT NULL,
+        area TEXT NOT NULL,
+        point INTEGER,
+        ca INTEGER,
+        priority INTEGER NOT NULL,
+        value REAL,
+        at_ns INTEGER NOT NULL,
+        comes INTEGER NOT NULL,
+        due_ns INTEGER NOT NULL,
+        PRIMARY KEY (kind, station, place, area)
+    ) WITHOUT ROWID;
+    """,
 )
 
 

@@ -11,8 +11,9 @@ from typing import Any
 
 from aiohttp import WSMsgType, web
 
+from openrtu_tools.centre.alarms import view_for
 from openrtu_tools.centre.centre import Centre
-from openrtu_tools.centre.model import Changes, Json, Point, Station
+from openrtu_tools.centre.model import Alarm, Changes, Json, Point, Station
 from openrtu_tools.centre.users import Session
 
 PERIOD_S = 1.0
@@ -140,10 +141,13 @@ class Stream:
         self.commands |= {
             id_: command.view() for id_, command in changes.commands.items() if self.sees_point(command.point)
         }
-        self.alarms |= {
-            id_: alarm.view() for id_, alarm in changes.alarms.items() if self.sees(alarm.station)
-        }
+        self.alarms |= {view["id"]: view for view in self._views(changes.alarms)}
         self.something.set()
+
+    def _views(self, alarms: dict[int, Alarm]) -> list[Json]:
+        limited = bool(self.session.groups)
+        views = [view_for(alarm, limited) for alarm in alarms.values() if self.sees(alarm.station)]
+        return [view for view in views if view]
 
     def _take_values(self, changes: Changes) -> None:
         """Who is too slow for them is told the last ones."""
@@ -171,7 +175,7 @@ class Stream:
             message["whole"] = True
             for ids in known.values():
                 ids.clear()
-            message["alarms"] = [alarm.view() for alarm in model.alarms.values() if self.sees(alarm.station)]
+            message["alarms"] = self._views(model.alarms)
             message["commands"] = [
                 command.view() for command in model.commands.values() if self.sees_point(command.point)
             ]

@@ -50,7 +50,8 @@ async def serve(what: settings.Settings, page: Path) -> None:
         log.info("serves http%s://%s:%s", "s" if secured else "", what.address, what.port)
         if not (page / "index.html").is_file():
             log.warning("the page is not built, programs alone are served: `make centre-page` builds it")
-        working = [asyncio.create_task(work) for work in (centre.keep(), centre.roll_up())]
+        always = centre.keep(), centre.roll_up(), centre.raise_due()
+        working = [asyncio.create_task(work) for work in always]
         if what.tls and secured:
             working.append(asyncio.create_task(renew(what.tls, secured)))
         if what.mqtt:

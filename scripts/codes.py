@@ -222,6 +222,7 @@ def page(tree: Tree) -> str:
         "AUDITED": list(tree.constant("centre/api.py", "AUDITED")),
         "ROLES": tree.constant("centre/roles.py", "ROLES"),
         "SCOPES": tree.constant("centre/roles.py", "SCOPES"),
+        "EVENT_CAUSES": list(tree.constant("centre/api.py", "CAUSES")),
         "IDS_MOST": tree.constant("centre/api.py", "IDS_MOST"),
         "CHART_ROWS": tree.constant("centre/api.py", "CHART_ROWS"),
         "FRAMES_MOST": tree.constant("centre/trace.py", "FRAMES_MOST"),

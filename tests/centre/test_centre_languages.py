@@ -11,6 +11,14 @@ PAGE = Path(__file__).resolve().parents[2] / "centre" / "page"
 ENGLISH = json.loads((PAGE / "lang" / "en.json").read_text())
 
 
+@pytest.mark.parametrize("language", ["en", "de", "sr", "es"])
+def test_no_word_is_there_twice(language: str) -> None:
+    """The second one would be said in place of the first, too."""
+    text = (PAGE / "lang" / f"{language}.json").read_text()
+    keys = json.loads(text, object_pairs_hook=lambda pairs: [key for key, _ in pairs])
+    assert sorted(keys) == sorted(set(keys))
+
+
 @pytest.mark.parametrize("language", ["de", "sr", "es"])
 def test_language_has_known_words_with_the_same_places(language: str) -> None:
     words = json.loads((PAGE / "lang" / f"{language}.json").read_text())

@@ -1,20 +1,21 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Alarms to be acknowledged; and what happened: events, commands.
-import { ALARM_KINDS, CAUSE, IDS_MOST, STATE } from "./codes.js";
+import { ALARM_KINDS, CAUSE, EVENT_CAUSES, IDS_MOST, STATE } from "./codes.js";
 import { fate, stateText } from "./command.js";
 import { empty, fill, h, modal, Rows, setText, state, tabs, th } from "./dom.js";
+import { filters } from "./filters.js";
 import { list } from "./lists.js";
 import * as live from "./live.js";
 import { qualityOf, valueText } from "./quality.js";
+import { showRates } from "./rates.js";
+import { isOn, switchTo } from "./sound.js";
 import { ahead, number, t, time } from "./words.js";
 
 const PRIORITIES = { 1: ["bad", "high"], 2: ["old", "medium"], 3: ["none", "low"] };
 const SHELVED_MIN = 60;
-const DAY_MS = 86400000;
 const CAUSES_OF_EVENTS = {
   [CAUSE.SPONTANEOUS]: "spontaneous", [CAUSE.RETURN_REMOTE]: "remote", [CAUSE.RETURN_LOCAL]: "local", [CAUSE.INTERROGATED]: "interrogated",
 };
-let sound = false;
 let names = new Map(); // points of all stations: alarms name them
 
 async function learnNames() {
@@ -32,16 +33,10 @@ function words(alarm) {
   return t(`alarm_${alarm.kind}`, { n: alarm.value, off: ahead(1000 * alarm.value), ca: alarm.ca, point: pointName(alarm.point), value, area: alarm.area, name });
 }
 
-function beep() {
-  const context = new AudioContext();
-  const tone = context.createOscillator();
-  const volume = context.createGain();
-  volume.gain.value = 0.08;
-  tone.frequency.value = 880;
-  tone.connect(volume).connect(context.destination);
-  tone.start();
-  tone.stop(context.currentTime + 0.25);
-  tone.onended = () => context.close();
+// What one that came often is of, without a value.
+function cause(alarm) {
+  const of = alarm.point ? pointName(alarm.point) : alarm.ca ? `CA ${alarm.ca}` : "";
+  return [t(`kind_${alarm.kind}`), of, alarm.area].filter(Boolean).join(" · ");
 }
 
 // ---- alarms --------------------------------------------------------------------------------------
@@ -75,7 +70,7 @@ class Order {
 
   of(alarms) {
     const kept = this.by.size ? this.ids : [];
-    this.ids = [...new Set([...kept, ...[...alarms].sort(byUrgency).map((alarm) => alarm.id)])];
+    this.ids = [...new Set([...kept, ...alarms.map((alarm) => alarm.id)])];
     this.last = new Map(this.ids.map((id) => [id, live.alarms.get(id) ?? this.last.get(id)]));
     return [...this.last];
   }
@@ -94,8 +89,10 @@ function alarmTable(place) {
   const search = h("input", { type: "search", placeholder: t("search"), "aria-label": t("search"), oninput: () => update() });
   const many = h("button", { class: "small", onclick: () => acknowledgeShown() });
   const shelvedButton = h("button", { class: "small", onclick: () => { withShelved = !withShelved; update(); } });
-  const soundButton = h("button", { class: "small", onclick: () => { sound = !sound; if (sound) beep(); update(); } }, t("sound"));
+  const soundButton = h("button", { class: "small", onclick: () => { switchTo(!isOn()); update(); } }, t("sound"));
   let withShelved = false;
+  const opened = new Set(); // alarms whose parts are shown
+  let parts = new Map(); // by alarm
   let known = null;
   let toAcknowledge = [];
   const headings = ["priority", "since", "station", "what", "state", "by", ""];
@@ -133,15 +130,20 @@ function alarmTable(place) {
         setText(station, live.stations.get(alarm.station)?.name ?? "");
         setText(what, alarm.returns ? `${words(alarm)} (${t("again", { n: alarm.returns, time: time(alarm.last) })})` : words(alarm));
         const shelved = isShelved(alarm);
-        const now = t(alarm.gone ? "gone" : "active");
+        const now = [t(alarm.gone ? "gone" : "active"), ...(alarm.suppressed_by ? [t("suppressed")] : [])].join(", ");
+        row.classList.toggle("part", Boolean(alarm.suppressed_by));
+        const many = parts.get(id)?.length ?? 0;
         setText(how, shelved ? [t("shelved", { time: time(alarm.shelved) }), alarm.why].filter(Boolean).join(": ") : now);
         setText(by, alarm.acknowledged ? `${alarm.by}, ${time(alarm.acknowledged)}` : "–");
         row.classList.toggle("unacknowledged", !alarm.acknowledged);
         const over = !live.alarms.has(id);
-        fill(act, `${Boolean(alarm.acknowledged)}${shelved}${over}`, () => (live.may("operator") && !over ? [
+        const show = () => { if (!opened.delete(id)) opened.add(id); update(); };
+        const partsButton = () => (many ? [h("button", { class: "small", "aria-expanded": String(opened.has(id)), onclick: show }, t("parts", { n: many }))] : []);
+        fill(act, `${Boolean(alarm.acknowledged)}${shelved}${over}${many}${opened.has(id)}`, () => (live.may("operator") && !over ? [
+          ...partsButton(),
           ...(alarm.acknowledged ? [] : [h("button", { class: "small main", onclick: () => doing(`alarms/${id}/acknowledge`, {}) }, t("acknowledge"))]),
           h("button", { class: "small", "aria-haspopup": shelved ? undefined : "dialog", onclick: () => (shelved ? doing(`alarms/${id}/shelve`, { minutes: 0 }) : shelve(id)) }, t(shelved ? "unshelve" : "shelve")),
-        ] : []));
+        ] : partsButton()));
       },
     };
   });
@@ -163,21 +165,23 @@ function alarmTable(place) {
   function update() {
     const all = [...live.alarms.values()];
     const shelved = all.filter(isShelved);
-    const shown = all.filter((alarm) => (withShelved || !isShelved(alarm)) && fits(alarm));
+    parts = Map.groupBy(all.filter((alarm) => alarm.suppressed_by), (alarm) => alarm.suppressed_by);
+    const withParts = (alarm) => [alarm, ...(opened.has(alarm.id) ? (parts.get(alarm.id) ?? []).sort(byUrgency).flatMap(withParts) : [])];
+    const shown = all.filter((alarm) => !alarm.suppressed_by && (withShelved || !isShelved(alarm)) && (fits(alarm) || parts.get(alarm.id)?.some(fits)))
+      .sort(byUrgency).flatMap(withParts);
     rows.show(order.of(shown));
     table.hidden = !order.ids.length;
     fill(none, String(order.ids.length > 0 || !live.centre.connected), () => (order.ids.length || !live.centre.connected ? [] : empty(t("no_alarms"), t("no_alarms_more"))));
     setText(shelvedButton, t("shelved_show", { n: shelved.length }));
     shelvedButton.hidden = !shelved.length;
     shelvedButton.setAttribute("aria-pressed", String(withShelved));
-    soundButton.setAttribute("aria-pressed", String(sound));
+    soundButton.setAttribute("aria-pressed", String(isOn()));
     toAcknowledge = shown.filter((alarm) => !alarm.acknowledged).map((alarm) => alarm.id);
     setText(many, t("acknowledge_shown", { n: toAcknowledge.length }));
     many.hidden = toAcknowledge.length < 2 || !live.may("operator");
-    const active = new Set(all.filter((alarm) => !alarm.acknowledged && !isShelved(alarm)).map((alarm) => alarm.id));
+    const active = new Set(all.filter((alarm) => !alarm.acknowledged && live.stands(alarm)).map((alarm) => alarm.id));
     const fresh = known ? [...active].filter((id) => !known.has(id)).length : 0;
     if (fresh) setText(news, t("new_alarms", { n: fresh }));
-    if (sound && fresh) beep();
     known = active;
   }
   const unwatch = live.watch((changes) => {
@@ -191,18 +195,10 @@ function alarmTable(place) {
 
 // What came in a time, of one station and kind or of all.
 function pastAlarms(place) {
-  const spans = { hours_24: 1, days_7: 7, days_30: 30 };
-  const span = h("select", { "aria-label": t("time") }, ...Object.keys(spans).map((key) => h("option", { value: String(spans[key]) }, t(key))));
-  const kind = h("select", { "aria-label": t("what") }, h("option", { value: "" }, t("all_kinds")), ...ALARM_KINDS.map((key) => h("option", { value: key }, t(`kind_${key}`))));
-  const station = h("select", { "aria-label": t("station") }, h("option", { value: "" }, t("stations")),
-    ...[...live.stations.values()].map((each) => h("option", { value: String(each.id) }, each.name)));
-  return list(place, "past_alarms", ["since", "station", "what", "until_gone", "by"], [span, station, kind], async () => {
-    const asked = new URLSearchParams({ from: String(Math.round(live.now() - Number(span.value) * DAY_MS)) });
-    if (kind.value) asked.set("kind", kind.value);
-    if (station.value) asked.set("station", station.value);
-    return (await live.ask(`alarms?${asked}`)).map((alarm) => [alarm.id, time(alarm.since), stationName(alarm.station), words(alarm),
-      alarm.gone ? time(alarm.gone) : t("active"), alarm.acknowledged ? `${alarm.by}, ${time(alarm.acknowledged)}` : "–"]);
-  });
+  const { elements, asked } = filters({ "": t("all_alarms"), ...Object.fromEntries(ALARM_KINDS.map((key) => [key, t(`kind_${key}`)])) }, "kind");
+  return list(place, "past_alarms", ["since", "station", "what", "until_gone", "by"], elements, async () => (
+    (await live.ask(`alarms?${asked()}`)).map((alarm) => [alarm.id, time(alarm.since), stationName(alarm.station), words(alarm),
+      alarm.gone ? time(alarm.gone) : t("active"), alarm.acknowledged ? `${alarm.by}, ${time(alarm.acknowledged)}` : "–"])));
 }
 
 // ---- what happened -------------------------------------------------------------------------------
@@ -220,17 +216,26 @@ function toRelease(command) {
   return [h("button", { class: "small main", onclick: () => doing("execute") }, t("release")), h("button", { class: "small", onclick: () => doing("cancel") }, t("cancel")), failure];
 }
 
-const TABS = {
-  alarms: alarmTable,
-  past_alarms: pastAlarms,
-  events: (place) => list(place, "events", ["time", "station", "name", "value", "quality", "cause"],
-    [h("a", { href: "api/events?format=csv", download: "" }, "CSV")],
-    async () => (await live.ask("events")).map((event) => {
+function showEvents(place) {
+  const { elements, asked } = filters({ "": t("all_causes"), ...Object.fromEntries(EVENT_CAUSES.map((key) => [key, t(`cause_${key}`)])) }, "cause");
+  const file = h("a", { download: "" }, "CSV");
+  return list(place, "events", ["time", "station", "name", "value", "quality", "cause"], [...elements, file], async () => {
+    const words = asked();
+    file.setAttribute("href", `api/events?${new URLSearchParams([...words, ["format", "csv"]])}`);
+    return (await live.ask(`events?${words}`)).map((event) => {
       const point = names.get(event.point);
       const { kind, word } = qualityOf(event.quality);
       return [event.id, time(event.at, true), stationName(event.station), pointName(event.point), point ? `${valueText(point, event.value)} ${point.unit}` : number(event.value), state(kind, word),
         CAUSES_OF_EVENTS[event.cause] ?? String(event.cause)];
-    })),
+    });
+  });
+}
+
+const TABS = {
+  alarms: alarmTable,
+  past_alarms: pastAlarms,
+  events: showEvents,
+  rates: (place) => showRates(place, cause),
   commands: (place) => list(place, "commands", ["time", "user_name", "station", "name", "value", "state"], [],
     async () => (await live.ask("commands")).map((command) => {
       const point = names.get(command.point);

@@ -101,10 +101,11 @@ export const RESULT = {
   NOT_KNOWN: 66,
 };
 // Of the centre's own modules.
-export const ALARM_KINDS = ["lost", "quality", "clock", "high", "low", "state", "inside", "outside"];
+export const ALARM_KINDS = ["lost", "quality", "clock", "high", "low", "state", "inside", "outside", "network"];
 export const AUDITED = ["commands", "alarms", "stations", "exports", "logins", "users"];
 export const ROLES = ["viewer", "operator", "engineer"];
 export const SCOPES = {"read": "viewer", "command": "operator", "engineer": "engineer"};
+export const EVENT_CAUSES = ["spontaneous", "requested", "remote", "local", "interrogated"];
 export const IDS_MOST = 5000;
 export const CHART_ROWS = 5000;
 export const FRAMES_MOST = 500;

@@ -11,7 +11,7 @@ function filter() {
 
 function showKeys(views) {
   const keys = [...views.map((name, number) => [[String(number + 1)], t(name)]), [["/", "Ctrl+F"], t("key_filter")], [["↑", "↓", "PgUp", "PgDn", "Home", "End"], t("key_rows")],
-    [["Tab", "Enter"], t("key_tab")], [["↑", "↓", "←", "→", "+", "−"], t("key_map")], [["Esc"], t("key_escape")], [["?"], t("keys")]];
+    [["Tab", "Enter"], t("key_tab")], [["↑", "↓", "←", "→", "+", "−"], t("key_map")], [["Esc"], t("key_escape")], [["s"], t("key_silence")], [["?"], t("keys")]];
   const dialog = h("dialog", { "aria-label": t("keys") },
     h("div", { class: "body" }, h("h2", {}, t("keys")),
       h("dl", { class: "keys" }, ...keys.flatMap(([names, what]) => [h("dt", {}, ...names.map((name) => h("kbd", {}, name))), h("dd", {}, what)]))),
@@ -24,7 +24,7 @@ export function keysButton(views) {
 }
 
 // Returns what ends it.
-export function watchKeys(links) {
+export function watchKeys(links, silence) {
   const keys = (event) => {
     const find = event.key === "f" && (event.ctrlKey || event.metaKey) && !event.altKey && !event.shiftKey;
     const field = filter();
@@ -37,6 +37,7 @@ export function watchKeys(links) {
     }
     if (event.target.closest(TYPED) || event.ctrlKey || event.metaKey || event.altKey) return;
     links[Number(event.key) - 1]?.click();
+    if (event.key === "s") silence();
     if (event.key === "?") document.getElementById("keys").click();
     if (event.key === "/" && field) {
       event.preventDefault();

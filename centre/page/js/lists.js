@@ -94,8 +94,11 @@ export function list(place, title, headings, head, load) {
       },
     };
   });
+  let asked = 0;
   async function show() {
+    const mine = ++asked;
     const found = await load();
+    if (mine !== asked) return; // what stands in its head was changed meanwhile
     rows.show(found.map((row) => [row[0], row]));
     table.hidden = !found.length;
     none.replaceChildren(...(found.length ? [] : [empty(t(`no_${title}`))]));

@@ -43,6 +43,11 @@ export function may(role) {
   return ROLES.indexOf(session.role) >= ROLES.indexOf(role);
 }
 
+// An alarm is in the list: neither put aside nor a part of another one.
+export function stands(alarm) {
+  return !alarm.suppressed_by && (alarm.shelved ?? 0) <= now();
+}
+
 // Calls back with what changed: {whole, points: [...], gone, stations, alarms, commands}. Returns what ends it.
 export function watch(callback) {
   changed.add(callback);

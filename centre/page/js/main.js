@@ -8,6 +8,7 @@ import { keysButton, watchKeys } from "./keys.js";
 import * as live from "./live.js";
 import { showMap } from "./map.js";
 import { showPoints } from "./points.js";
+import { horn } from "./sound.js";
 import { showStations } from "./stations.js";
 import { showTrends } from "./trends.js";
 import { showUsers } from "./users.js";
@@ -125,6 +126,7 @@ function frame() {
   const banner = h("div", { class: "banner", role: "alert", hidden: true });
   const count = h("span", { class: "count", hidden: true });
   const clock = h("span", { class: "clock" });
+  const sound = horn();
   const views = Object.keys(VIEWS).filter((name) => live.may(NEEDS[name] ?? "viewer"));
   const links = views.map((name) => h("a", { href: `#${name}` }, t(name)));
   links[2].append(count);
@@ -140,7 +142,7 @@ function frame() {
       h("div", { class: "brand" }, h("img", { src: "icon.svg", alt: "" }), h("span", {}, "OpenRTU"), heading),
       h("nav", {}, ...links),
       menu, tools),
-    banner, release, main);
+    banner, release, main, sound.button);
 
   let end = () => {};
   const go = () => {
@@ -165,17 +167,18 @@ function frame() {
     const text = !connected ? t("disconnected") : fault ? t("store_fault", { fault }) : !collects ? t("no_collector") : "";
     setText(banner, text);
     banner.hidden = !text;
-    const open = [...live.alarms.values()].filter((alarm) => !alarm.acknowledged && (alarm.shelved ?? 0) < live.now()).length;
+    const open = [...live.alarms.values()].filter((alarm) => !alarm.acknowledged && live.stands(alarm)).length;
     setText(count, String(open));
     count.hidden = !open;
   };
   const tick = setInterval(() => setText(clock, time(live.now())), 500);
   const unwatch = live.watch(state);
-  const endKeys = watchKeys(links);
+  const endKeys = watchKeys(links, sound.silence);
   addEventListener("hashchange", go);
   leave = () => {
     end();
     unwatch();
+    sound.end();
     clearInterval(tick);
     removeEventListener("hashchange", go);
     endKeys();
