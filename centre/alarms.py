@@ -87,7 +87,7 @@ class Alarms:
         self.open: dict[AlarmKey, int] = {}
         # Of the transaction under way.
         self.new: dict[AlarmKey, int] = {}
-        self.came: dict[int, int] = {}  # alarms: when
+        self.came: set[int] = set()  # alarms
 
     def load(self, database: Database) -> None:
         for row in database.execute("SELECT * FROM alarms WHERE gone_ns IS NULL OR acknowledged_ns IS NULL"):
@@ -237,7 +237,7 @@ class Alarms:
             id_, cause.kind, cause.station, *place[:-1], area=cause.area or None, last_ns=cause.at_ns
         )
         self.new[cause.key] = id_
-        self.came[id_] = cause.at_ns
+        self.came.add(id_)
 
     def _again(self, database: Database, before: Alarm, cause: AlarmCause) -> None:
         if before.active:
@@ -248,7 +248,7 @@ class Alarms:
             before, gone_ns=None, value=value, returns=before.returns + 1, last_ns=last_ns, suppressed_by=None
         )
         self.put(database, again)
-        self.came[again.id] = last_ns
+        self.came.add(again.id)
 
     def _go(self, database: Database, cause: AlarmCause) -> None:
         """None ends before it began, whatever a clock says."""
@@ -322,8 +322,8 @@ class Alarms:
     def _count(self, database: Database) -> None:
         """Each time that one came, and whether the list showed it."""
         rows = []
-        for id_, at_ns in self.came.items():
+        for id_ in self.came:
             alarm = self.changes.alarms[id_]
             is_shown = alarm.suppressed_by is None and alarm.shelved_until_ns < self.now_ns
-            rows.append((id_, min(at_ns, self.now_ns), int(is_shown)))
+            rows.append((id_, self.now_ns, int(is_shown)))
         database.insert("comings", ("alarm", "at_ns", "shown"), rows)

@@ -15,14 +15,15 @@ from typing import Any
 
 from aiohttp import web
 
-from openrtu_tools.centre import accounts, exports, formats, rates
+from openrtu_tools.centre import accounts, exports, formats, outbox, rates
 from openrtu_tools.centre.alarms import NETWORK, view_for
 from openrtu_tools.centre.codes import Cause
 from openrtu_tools.centre.errors import RefusedError, StoreError
 from openrtu_tools.centre.exports import STRETCH_NS
 from openrtu_tools.centre.formats import Writer
 from openrtu_tools.centre.intake import COMMAND_COLUMNS
-from openrtu_tools.centre.model import ALARM_KINDS, NS_PER_MS, Alarm, Command, Json
+from openrtu_tools.centre.model import NS_PER_MS, Alarm, Command, Json
+from openrtu_tools.centre.settings import ALARM_KINDS
 from openrtu_tools.centre.store import INTEGER_MOST, Row, audit
 from openrtu_tools.centre.trends import trend
 from openrtu_tools.centre.web import HEADERS, Asked, Route
@@ -458,6 +459,11 @@ async def shelve(asked: Asked) -> Json:
     return (await asked.centre.shelve(asked.session, _alarm_id(asked), minutes, why)).view()
 
 
+async def notifications(asked: Asked) -> Json:
+    settings = asked.centre.settings.notify
+    return await outbox.told_of(asked.centre.store, settings) if settings else {"targets": [], "messages": []}
+
+
 async def commands(asked: Asked) -> list[Json]:
     """Newest first."""
     rows = await asked.centre.store.read(
@@ -591,6 +597,7 @@ ROUTES = [
     Route("POST", "/api/alarms/{id}/shelve", "operator", "put an alarm aside for minutes; 0 brings it back",
           shelve, body=described(["minutes"], minutes={"type": "number", "minimum": 0, "maximum": 10080},
                          why={"type": "string", "maxLength": 200})),
+    Route("GET", "/api/notifications", "operator", "who was told of alarms, and what waits", notifications),
     Route("GET", "/api/commands", "viewer", "the last commands", commands),
     Route("GET", "/api/commands/{id}", "viewer", "one command", one_command),
     Route("POST", "/api/commands", "operator", "select, or command where nothing is selected", command,

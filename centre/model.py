@@ -155,11 +155,6 @@ class Point:
         return {**self.news(), "received": milliseconds(self.received_ns)}
 
 
-# Of a station; of a common address: its points, its time tags; of a point; of a vehicle and an area.
-# Of many stations at once, too.
-ALARM_KINDS = ("lost", "quality", "clock", "high", "low", "state", "inside", "outside", "network")
-
-
 @dataclass(frozen=True, slots=True)
 class Alarm:
     id: int

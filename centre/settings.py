@@ -24,6 +24,10 @@ from openrtu_tools.programs import command
 
 Json = dict[str, Any]
 
+# Of a station; of a common address: its points, its time tags; of a point; of a vehicle and an area; of many
+# stations at once.
+ALARM_KINDS = ("lost", "quality", "clock", "high", "low", "state", "inside", "outside", "network")
+
 # Of an alarm of a point: limits of a value, or the state that is one.
 ALARM = {
     "type": "object",
@@ -149,6 +153,59 @@ PUSH = {
         "ca": {"type": "string"},
     },
 }
+ADDRESS = {"type": "string", "pattern": "^[^\\s@<>,;:]+@[^\\s@<>,;:]+$"}
+NOTIFY = {
+    "type": "object",
+    "additionalProperties": False,
+    "required": ["targets", "rules"],
+    "properties": {
+        "mail": {
+            "type": "object",
+            "additionalProperties": False,
+            "required": ["host", "from"],
+            "dependentRequired": {"user": ["password_file"], "password_file": ["user"]},
+            "properties": {
+                "host": {"type": "string", "minLength": 1},
+                "port": {"type": "integer", "minimum": 1, "maximum": 65535},
+                "starttls": {"type": "boolean"},
+                "from": ADDRESS,
+                "user": {"type": "string"},
+                "password_file": {"type": "string"},
+                "ca": {"type": "string"},
+            },
+        },
+        "targets": {
+            "type": "object",
+            "additionalProperties": {
+                "type": "object",
+                "additionalProperties": False,
+                "oneOf": [{"required": ["mail"]}, {"required": ["webhook"]}],
+                "dependentRequired": {"token_file": ["webhook"], "ca": ["webhook"]},
+                "properties": {
+                    "mail": ADDRESS,
+                    "webhook": {"type": "string", "pattern": "^https://[^/@\\s]+(/\\S*)?$"},
+                    "token_file": {"type": "string"},
+                    "ca": {"type": "string"},
+                },
+            },
+        },
+        "rules": {
+            "type": "array",
+            "items": {
+                "type": "object",
+                "additionalProperties": False,
+                "required": ["to"],
+                "properties": {
+                    "to": {"type": "array", "items": {"type": "string"}, "minItems": 1},
+                    "priority": {"type": "integer", "minimum": 1, "maximum": 3},
+                    "kinds": {"type": "array", "items": {"enum": list(ALARM_KINDS)}},
+                    "group": {"type": "string"},
+                    "after_s": {"type": "number", "minimum": 0},
+                },
+            },
+        },
+    },
+}
 HIGHER = {
     "type": "object",
     "additionalProperties": False,
@@ -211,6 +268,7 @@ CENTRE = {
     "higher": HIGHER,
     "push": PUSH,
     "oidc": OIDC,
+    "notify": NOTIFY,
 }
 SCHEMA = {
     "type": "object",
@@ -360,6 +418,55 @@ class Push:
         return _secret(self.token_file, "push")
 
 
+@dataclass(frozen=True)
+class Mail:
+    """A server that takes mails, over TLS only."""
+
+    host: str
+    port: int
+    starttls: bool
+    sender: str
+    user: str = ""
+    password_file: Path | None = None
+    ca: Path | None = None
+
+    def password(self) -> str:
+        return _secret(self.password_file, "notify")
+
+
+@dataclass(frozen=True)
+class Target:
+    """Who is told of alarms: an address of mail, or of the web."""
+
+    mail: str = ""
+    webhook: str = ""
+    token_file: Path | None = None
+    ca: Path | None = None
+
+    def token(self) -> str:
+        return _secret(self.token_file, "notify")
+
+
+@dataclass(frozen=True)
+class NotifyRule:
+    """Whom to tell of which alarms: that have this priority or a higher one, and that nobody has acknowledged
+    so long after they came.
+    """
+
+    to: tuple[str, ...]
+    priority: int = 3
+    kinds: tuple[str, ...] = ()  # none: all
+    group: str = ""  # empty: all
+    after_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Notify:
+    targets: dict[str, Target]
+    rules: tuple[NotifyRule, ...]
+    mail: Mail | None = None
+
+
 def _secret(file: Path | None, whose: str) -> str:
     """A file's first line."""
     if not file:
@@ -433,6 +540,7 @@ class Settings:
     oidc: Oidc | None = None
     zone: str = "UTC"
     alarms: AlarmRules = field(default_factory=AlarmRules)
+    notify: Notify | None = None
 
     @property
     def sockets(self) -> list[Path]:
@@ -489,6 +597,37 @@ def load(path: Path) -> Settings:
         _oidc(own, folder) if "oidc" in own else None,
         zone.read(own.get("zone")),
         alarms,
+        _notify(own["notify"], folder) if "notify" in own else None,
+    )
+
+
+def _notify(wanted: Json, folder: Path) -> Notify:
+    def files(keys: Json) -> Json:
+        return {key: folder / text if key in ("ca", "token_file") else text for key, text in keys.items()}
+
+    targets = {name: Target(**files(keys)) for name, keys in wanted["targets"].items()}
+    rules = [
+        NotifyRule(**{**rule, "to": tuple(rule["to"]), "kinds": tuple(rule.get("kinds", ()))})
+        for rule in wanted["rules"]
+    ]
+    if unknown := {name for rule in rules for name in rule.to} - targets.keys():
+        raise CentreError(f"notify: rules: there is no target {', '.join(sorted(unknown))}")
+    mail = wanted.get("mail")
+    if not mail and any(target.mail for target in targets.values()):
+        raise CentreError("notify: a target is an address of mail: `mail` must say which server takes it")
+    return Notify(targets, tuple(rules), _mail(mail, folder) if mail else None)
+
+
+def _mail(wanted: Json, folder: Path) -> Mail:
+    starttls = wanted.get("starttls", False)
+    return Mail(
+        wanted["host"],
+        wanted.get("port", 587 if starttls else 465),
+        starttls,
+        wanted["from"],
+        wanted.get("user", ""),
+        folder / wanted["password_file"] if "password_file" in wanted else None,
+        folder / wanted["ca"] if "ca" in wanted else None,
     )
 
 

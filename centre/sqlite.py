@@ -212,6 +212,25 @@ MIGRATIONS = (
         PRIMARY KEY (kind, station, place, area)
     ) WITHOUT ROWID;
     """,
+    """
+    -- Messages of alarms to targets; ended: taken by the target, or given up.
+    CREATE TABLE outbox (
+        id INTEGER PRIMARY KEY,
+        uid TEXT NOT NULL,
+        target TEXT NOT NULL,
+        body TEXT NOT NULL,
+        made_ns INTEGER NOT NULL,
+        tries INTEGER NOT NULL DEFAULT 0,
+        next_ns INTEGER NOT NULL,
+        error TEXT NOT NULL DEFAULT '',
+        ended_ns INTEGER,
+        taken INTEGER NOT NULL DEFAULT 0
+    );
+    CREATE INDEX outbox_waiting ON outbox (target) WHERE ended_ns IS NULL;
+    CREATE TABLE told (
+        alarm INTEGER NOT NULL, target TEXT NOT NULL, PRIMARY KEY (alarm, target)
+    ) WITHOUT ROWID;
+    """,
 )
 
 

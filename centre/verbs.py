@@ -23,6 +23,7 @@ from openrtu_tools.centre.certificate import renew, tls_context
 from openrtu_tools.centre.database import open_store
 from openrtu_tools.centre.entrance import Entrance
 from openrtu_tools.centre.errors import CentreError
+from openrtu_tools.centre.notify import Notifier
 from openrtu_tools.centre.push import Pusher
 from openrtu_tools.centre.store import Database
 from openrtu_tools.centre.web import Server
@@ -60,6 +61,8 @@ async def serve(what: settings.Settings, page: Path) -> None:
             working.append(asyncio.create_task(Bus(centre, what.mqtt).run()))
         if what.push:
             working.append(asyncio.create_task(Pusher(centre, what.push).run()))
+        if what.notify:
+            working.append(asyncio.create_task(Notifier(centre, what.notify).run()))
         collecting = asyncio.create_task(centre.collect())
         ending = asyncio.create_task(ended.wait())
         await asyncio.wait((collecting, ending), return_when=asyncio.FIRST_COMPLETED)

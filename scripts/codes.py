@@ -218,7 +218,7 @@ def page(tree: Tree) -> str:
         "RESULT": [*results, *tree.enumeration(RECORDS, "centre_result", "CENTRE_")],
     }
     constants = {
-        "ALARM_KINDS": tree.constant("centre/model.py", "ALARM_KINDS"),
+        "ALARM_KINDS": tree.constant("centre/settings.py", "ALARM_KINDS"),
         "AUDITED": list(tree.constant("centre/api.py", "AUDITED")),
         "ROLES": tree.constant("centre/roles.py", "ROLES"),
         "SCOPES": tree.constant("centre/roles.py", "SCOPES"),

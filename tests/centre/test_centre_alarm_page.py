@@ -10,6 +10,7 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from browser import LIMIT_MS, chromium, log_in
 from control_room import PASSWORD, Site, Stations, described, until
+from lab.gateway import free_port
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, Station, measured, single
 
 pytestmark = pytest.mark.slow
@@ -43,8 +44,10 @@ def site(
     assert PAGE.is_dir(), "the page is not built: make centre-page"
     folder = tmp_path_factory.mktemp("alarms")
     here = [described(station, folder, name) for name, station in made.items()]
-    alarms = {"network_stations": 3}
-    with Site(programs, folder, here, PAGE, users=("olga", "vera"), centre={"alarms": alarms}) as started:
+    hook = {"webhook": f"https://127.0.0.1:{free_port()}/"}  # nobody is there
+    notify = {"targets": {"chat": hook}, "rules": [{"to": ["chat"], "kinds": ["state"]}]}
+    centre = {"alarms": {"network_stations": 3}, "notify": notify}
+    with Site(programs, folder, here, PAGE, users=("olga", "vera"), centre=centre) as started:
         client = started.client("vera")
         until(lambda: {each["link"] for each in client.get("/api/stations")} == {3}, "all are connected")
         yield started
@@ -217,3 +220,20 @@ def test_rates_are_figures_and_name_what_chatters(
     expect(chattering.locator("tbody tr")).to_have_count(1)
     expect(chattering.locator("tbody tr")).to_contain_text("fire")
     client.post("/api/alarms/acknowledge", {"ids": [each["id"] for each in client.get("/api/alarms")]})
+
+
+def test_operator_sees_what_waits_for_a_target(
+    context: BrowserContext, site: Site, stations: Stations, made: dict[str, Station]
+) -> None:
+    stations.say(made["weir"], 5, M_SP_TB_1, single(now_ms(), True))
+    page = open_page(context, site, "olga", "alarms")
+    page.get_by_role("button", name="Notifications").click()
+    target = page.locator("table").first.locator("tbody tr")
+    expect(target).to_contain_text("Cannot connect")
+    expect(page.locator("table").last.locator("tbody tr").first).to_contain_text("tried again")
+    stations.say(made["weir"], 5, M_SP_TB_1, single(now_ms(), False))
+    viewer = context.browser.new_context() if context.browser else context
+    watching = open_page(viewer, site, "vera", "alarms")
+    expect(watching.get_by_role("button", name="Rates")).to_be_visible()
+    expect(watching.get_by_role("button", name="Notifications")).to_have_count(0)
+    viewer.close()

@@ -80,7 +80,8 @@ class Room:
         self.take(
             Record(
                 Kind.INFORMATION, TAGGED, 1, place, 1, ioa, received_ns=self.now_ns,
-                tag_ns=self.now_ns - int(ago_s * S), type=36, cause=Cause.SPONTANEOUS, quality=quality, rest=rest,
+                tag_ns=self.now_ns - int(ago_s * S), type=36,
+                cause=Cause.SPONTANEOUS, quality=quality, rest=rest,
             )
         )  # fmt: skip
 

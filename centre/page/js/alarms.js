@@ -6,6 +6,7 @@ import { empty, fill, h, modal, Rows, setText, state, tabs, th } from "./dom.js"
 import { filters } from "./filters.js";
 import { list } from "./lists.js";
 import * as live from "./live.js";
+import { showNotifications } from "./notifications.js";
 import { qualityOf, valueText } from "./quality.js";
 import { showRates } from "./rates.js";
 import { isOn, switchTo } from "./sound.js";
@@ -248,5 +249,5 @@ const TABS = {
 export function showAlarms(main, _number, tab) {
   live.look({ view: "alarms" });
   learnNames().catch(() => {});
-  return tabs(main, TABS, tab);
+  return tabs(main, live.may("operator") ? { ...TABS, notifications: showNotifications } : TABS, tab);
 }

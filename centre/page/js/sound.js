@@ -42,9 +42,9 @@ const coming = (alarm) => `${alarm.id}:${alarm.returns}`;
 const silenced = () => new Set(JSON.parse(localStorage.getItem("silenced") ?? "[]"));
 const asking = () => [...live.alarms.values()].filter((alarm) => !alarm.acknowledged && live.stands(alarm));
 
-// The head's button; it ends with `end`.
+// Its button lies over the page: nothing slides when it comes and goes.
 export function horn() {
-  const button = h("button", { id: "silence", class: "small main", hidden: true, onclick: () => silence() });
+  const button = h("button", { id: "silence", class: "main", hidden: true, onclick: () => silence() });
   let known = new Set();
 
   function loud() {
