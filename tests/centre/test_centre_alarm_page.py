@@ -230,7 +230,7 @@ def test_operator_sees_what_waits_for_a_target(
     page.get_by_role("button", name="Notifications").click()
     target = page.locator("table").first.locator("tbody tr")
     expect(target).to_contain_text("Cannot connect")
-    expect(page.locator("table").last.locator("tbody tr").first).to_contain_text("tried again")
+    expect(page.locator("table").last.locator("tbody tr").first).to_contain_text("next attempt at")
     stations.say(made["weir"], 5, M_SP_TB_1, single(now_ms(), False))
     viewer = context.browser.new_context() if context.browser else context
     watching = open_page(viewer, site, "vera", "alarms")

@@ -8,7 +8,8 @@ const AGAIN_MS = 5000;
 
 function how(message) {
   if (message.taken) return state("good", t("told_taken"));
-  return message.ended ? state("bad", t("told_given_up")) : state(message.error ? "old" : "none", t(message.error ? "told_again" : "told_waits", { time: time(message.next) }));
+  if (message.ended) return state("bad", t("told_given_up"));
+  return message.next > live.now() ? state("old", t("told_again", { time: time(message.next) })) : state("none", t("told_waits"));
 }
 
 function table(headings, rows) {
