@@ -251,10 +251,10 @@ class Alarms:
         self.came.add(again.id)
 
     def _go(self, database: Database, cause: AlarmCause) -> None:
-        """None ends before it began, whatever a clock says."""
+        """None ends before it came last, whatever a clock says."""
         alarm = self.get(cause.key)
         if alarm and alarm.active:
-            self.put(database, replace(alarm, gone_ns=max(cause.at_ns, alarm.since_ns)))
+            self.put(database, replace(alarm, gone_ns=max(cause.at_ns, alarm.last_ns)))
 
     # ---- of which fault it is a part -----------------------------------------------------------
 

@@ -16,7 +16,7 @@ from openrtu_tools.centre.intake import Intake
 from openrtu_tools.centre.model import Alarm
 from openrtu_tools.centre.records import Record
 from openrtu_tools.centre.settings import AlarmClass, AlarmRules, Meaning, StationSettings
-from openrtu_tools.centre.store import Store
+from openrtu_tools.centre.store import Database, Store
 from postgres import Server
 
 NOW = time.time_ns()
@@ -169,6 +169,26 @@ def test_events_that_waited_tell_what_lasted(store: Store, monkeypatch: pytest.M
     room.say(1, ioa=2, ago_s=199)
     room.at(5000)
     assert not room.alarms()
+
+
+def test_alarm_does_not_end_before_it_came_again(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever times are told."""
+    room = Room(store, monkeypatch)
+    key = ("clock", room.intake.by_name["s0"], 1, None)
+    room.intake.begin()
+
+    def tell(database: Database) -> None:
+        alarms = room.intake.alarms
+        for at_s, so in ((10, True), (20, False), (30, True), (15, False)):
+            if so:
+                alarms.raise_(database, key, 3, at_s * S, value=1)
+            else:
+                alarms.clear(database, key, at_s * S)
+
+    store.transaction(tell)
+    room.intake.stored()
+    [alarm] = room.alarms("clock")
+    assert (alarm.since_ns, alarm.last_ns, alarm.gone_ns, alarm.returns) == (10 * S, 30 * S, 30 * S, 1)
 
 
 # ---- what is a part of another fault ---------------------------------------------------------------

@@ -141,8 +141,8 @@ function frame() {
     h("header", { class: "head" },
       h("div", { class: "brand" }, h("img", { src: "icon.svg", alt: "" }), h("span", {}, "OpenRTU"), heading),
       h("nav", {}, ...links),
-      menu, tools),
-    banner, release, main, sound.button);
+      menu, tools, sound.button),
+    banner, release, main);
 
   let end = () => {};
   const go = () => {

@@ -30,11 +30,12 @@ function tone() {
   oscillator.stop(context.currentTime + 0.25);
 }
 
-function beep() {
+// A tone that has waited is made if it is still wanted.
+function beep(wanted = () => true) {
   context ??= new AudioContext();
   if (waits) return;
   waits = true;
-  context.resume().then(tone).finally(() => { waits = false; });
+  context.resume().then(() => { if (wanted()) tone(); }).finally(() => { waits = false; });
 }
 
 // One that came again after it was silenced is a new one.
@@ -46,6 +47,7 @@ const asking = () => [...live.alarms.values()].filter((alarm) => !alarm.acknowle
 export function horn() {
   const button = h("button", { id: "silence", class: "main", hidden: true, onclick: () => silence() });
   let known = new Set();
+  const wanted = () => known.size > 0;
 
   function loud() {
     const quiet = silenced();
@@ -61,14 +63,15 @@ export function horn() {
     const now = loud();
     button.hidden = !now.length;
     setText(button, t("silence", { n: now.length }));
-    if (now.some((key) => !known.has(key))) beep();
+    const fresh = now.some((key) => !known.has(key));
     known = new Set(now);
+    if (fresh) beep(wanted);
   }
 
   const unwatch = live.watch(update);
   const timer = setInterval(() => {
     update();
-    if (known.size) beep();
+    if (known.size) beep(wanted);
   }, EVERY_MS);
   addEventListener("storage", update); // another window has silenced it
   addEventListener("horn", update);
