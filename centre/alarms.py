@@ -171,13 +171,13 @@ class Alarms:
         """What has lasted long enough by now."""
         for cause in [*self.model.causes.values()]:
             if cause.due_ns <= self.now_ns:
-                self._forget(database, cause.key)
+                self.forget(database, cause.key)
                 self._take(database, cause)
 
     def _become(self, database: Database, cause: AlarmCause, waiting: AlarmCause | None) -> None:
         """Events that waited tell by their times what lasted long enough."""
         if waiting and waiting.comes != cause.comes:
-            self._forget(database, cause.key)
+            self.forget(database, cause.key)
             if cause.at_ns - waiting.at_ns >= self._delay_ns(waiting):
                 self._take(database, waiting)
             waiting = None
@@ -208,7 +208,7 @@ class Alarms:
         put(database, "causes", CAUSE_COLUMNS, astuple(cause), CAUSE_KEY)
         self.changes.causes[cause.key] = cause
 
-    def _forget(self, database: Database, key: AlarmKey) -> None:
+    def forget(self, database: Database, key: AlarmKey) -> None:
         kind, station, place, area = key
         sql = "DELETE FROM causes WHERE kind = ? AND station = ? AND place = ? AND area = ?"
         database.execute(sql, (kind, station, place or 0, area or ""))

@@ -11,7 +11,7 @@ from dataclasses import astuple, fields, replace
 from operator import attrgetter
 from typing import NamedTuple
 
-from openrtu_tools.centre.alarms import Alarms, alarming
+from openrtu_tools.centre.alarms import NETWORK, Alarms, alarming
 from openrtu_tools.centre.areas import Area, Areas
 from openrtu_tools.centre.clocks import LIMIT_NS, Clock, Told
 from openrtu_tools.centre.codes import (
@@ -121,15 +121,28 @@ class Intake:
                 self.invalid[point.station, point.ca].add(point.id)
         self.alarms.load(database)
         self.odd_points = {row[0] for row in database.execute("SELECT DISTINCT point FROM odd_tags")}
-        self._forgotten_areas(database)
+        self._forgotten(database)
         self.stranded(database)
 
-    def _forgotten_areas(self, database: Database) -> None:
-        """An alarm of an area that the file has no more would never end."""
-        known = {(area.alarm, area.name) for area in self.areas}
-        for alarm in self.model.alarms.values():
-            if alarm.area is not None and alarm.gone_ns is None and (alarm.kind, alarm.area) not in known:
-                self.alarms.put(database, replace(alarm, gone_ns=time.time_ns()))
+    def _forgotten(self, database: Database) -> None:
+        """What the file has no more would never end: a station, an area, a limit."""
+        areas = {(area.alarm, area.name) for area in self.areas}
+
+        def is_forgotten(kind: str, station: int, point: int | None, area: str | None) -> bool:
+            if self.model.stations[station].settings.name not in self.settings:
+                return True
+            if area:
+                return (kind, area) not in areas
+            return bool(point) and getattr(self.model.points[point].meaning, kind) is None
+
+        for alarm in [*self.model.alarms.values()]:
+            told = alarm.kind, alarm.station, alarm.point, alarm.area
+            if alarm.active and alarm.kind != NETWORK and is_forgotten(*told):
+                self.alarms.put(database, replace(alarm, gone_ns=max(time.time_ns(), alarm.last_ns)))
+        for cause in [*self.model.causes.values()]:
+            if is_forgotten(cause.kind, cause.station, cause.point, cause.area):
+                self.alarms.forget(database, cause.key)
+        self.alarms.end(database)
 
     def stranded(self, database: Database, of: Callable[[Station], bool] = lambda station: True) -> None:
         """Their collector is gone: what became of the commands that were not ended, nobody can say."""

@@ -219,6 +219,7 @@ MIGRATIONS = (
     -- Each time that an alarm came; shown: neither suppressed nor shelved.
     CREATE TABLE comings (alarm BIGINT NOT NULL, at_ns BIGINT NOT NULL, shown INTEGER NOT NULL);
     CREATE INDEX comings_at ON comings (at_ns);
+    CREATE INDEX comings_alarm ON comings (alarm);
     -- What has not lasted long enough yet to raise an alarm, or to end it.
     CREATE TABLE causes (
         kind TEXT NOT NULL,

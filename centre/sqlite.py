@@ -196,6 +196,7 @@ MIGRATIONS = (
     -- Each time that an alarm came; shown: neither suppressed nor shelved.
     CREATE TABLE comings (alarm INTEGER NOT NULL, at_ns INTEGER NOT NULL, shown INTEGER NOT NULL);
     CREATE INDEX comings_at ON comings (at_ns);
+    CREATE INDEX comings_alarm ON comings (alarm);
     -- What has not lasted long enough yet to raise an alarm, or to end it.
     CREATE TABLE causes (
         kind TEXT NOT NULL,

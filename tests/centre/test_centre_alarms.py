@@ -47,13 +47,13 @@ class Room:
         self.rules = AlarmRules(**{"network_stations": 5, **rules})  # type: ignore[arg-type]
         self.start()
 
-    def start(self) -> None:
+    def start(self, settings: dict[str, StationSettings] = SETTINGS) -> None:
         """As after a kill, too: all is read from the store."""
-        self.intake = self.store.transaction(lambda database: Intake(database, SETTINGS, (), self.rules))
+        self.intake = self.store.transaction(lambda database: Intake(database, settings, (), self.rules))
         self.intake.stored()
         named = [
             Record(Kind.STATION, 0, 0, place, 0, 0, name=name, received_ns=1)
-            for place, name in enumerate(SETTINGS)
+            for place, name in enumerate(settings)
         ]
         self.take(*named)
 
@@ -277,3 +277,19 @@ def test_a_late_event_of_a_lost_station_is_a_part_of_its_loss(
     assert len(room.active("high")) == 1
     room.link(True, 0)
     assert room.standing() == ["high"]
+
+
+def test_what_the_file_has_no_more_ends(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A station that is lost, a limit, and what waits for its time: nothing would ever end them."""
+    room = Room(store, monkeypatch, classes={"flow": AlarmClass(on_s=10)})
+    room.say(9)
+    room.say(9, place=1)
+    room.say(9, ioa=2)
+    room.link(False, *range(STATIONS - 5, STATIONS))
+    assert sorted(room.standing()) == ["high", "high", "network"]
+    without = {name: StationSettings(name) for name in [*SETTINGS][:1]}
+    left = {name: SETTINGS[name] for name in [*SETTINGS][1 : STATIONS - 5]}
+    room.start({**without, **left})
+    room.at(20)
+    assert room.standing() == ["high"]
+    assert [alarm.station for alarm in room.active()] == [room.intake.by_name["s1"]]

@@ -31,6 +31,7 @@ from openrtu_tools.centre.model import Station as Known
 from openrtu_tools.centre.notify import written
 from openrtu_tools.centre.outbox import Message
 from openrtu_tools.centre.settings import Notify, NotifyRule, StationSettings, Target
+from postgres import Server
 from test_centre_tls import make_pair
 
 S = 10**9
@@ -302,7 +303,7 @@ def test_mail_and_request_tell_an_alarm_once(
 
 @pytest.mark.slow
 def test_nothing_is_lost_by_kills_and_what_comes_twice_is_known_by_its_id(
-    programs: Path, stations: Stations, station: Station, tmp_path: Path, post: Post
+    programs: Path, stations: Stations, station: Station, server: Server | None, tmp_path: Path, post: Post
 ) -> None:
     """The centre is killed while the receiver has a message and has not answered; and while it is gone."""
     notify = {
@@ -311,7 +312,12 @@ def test_nothing_is_lost_by_kills_and_what_comes_twice_is_known_by_its_id(
     }
     wanted: set[int] = set()
     with Site(
-        programs, tmp_path, [described(station, tmp_path)], users=("olga",), centre={"notify": notify}
+        programs,
+        tmp_path,
+        [described(station, tmp_path)],
+        users=("olga",),
+        server=server,
+        centre={"notify": notify},
     ) as site:
         for round_ in range(3):
             post.holds.clear()
