@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
+from openrtu_tools.centre.codes import LETTERS
+
 START = 0x68
 U_FRAMES = {
     0x07: "STARTDT act", 0x0B: "STARTDT con", 0x13: "STOPDT act", 0x23: "STOPDT con",
@@ -20,7 +22,6 @@ CAUSES = {
     **{20 + group: f"inro{group}" for group in range(1, 17)},
     **{37 + group: f"reqco{group}" for group in range(1, 5)},
 }  # fmt: skip
-QUALITIES = {0x01: "OV", 0x10: "BL", 0x20: "SB", 0x40: "NT", 0x80: "IV"}
 POSITION = 201  # docs/positioning.md
 
 # The parts of an information element, by type (IEC 60870-5-101, 7.3).
@@ -54,7 +55,7 @@ NAMES = {
 
 
 def _quality(octet: int) -> str:
-    return " ".join(word for bit, word in QUALITIES.items() if octet & bit)
+    return " ".join(word for bit, word in LETTERS.items() if octet & bit)
 
 
 def _joined(value: Any, *more: str) -> str:

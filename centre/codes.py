@@ -26,6 +26,15 @@ SUBSTITUTED = 0x20
 BLOCKED = 0x10
 OVERFLOW = 0x01
 
+# As IEC 60870-5-101, 7.2.6.3 has them.
+LETTERS = {
+    OVERFLOW: "OV",
+    BLOCKED: "BL",
+    SUBSTITUTED: "SB",
+    NOT_TOPICAL: "NT",
+    INVALID: "IV",
+}
+
 
 class Kind(IntEnum):
     """Of a record."""

@@ -22,7 +22,7 @@ CODES, RECORDS, ASDU = SRC + "map/codes.h", SRC + "centre/records.h", SRC + "iec
 INFORMATION, SESSION = SRC + "iec104/information.h", SRC + "iec104/session.h"
 MADE = "Made by `make codes` from the headers of C; do not edit."
 
-ROW = re.compile(r'ROW\((\w+), (?:(\w+), )?"([^"]*)"')
+ROW = re.compile(r'ROW\((\w+), (?:(\w+), )?"([^"]*)"(?:, "([^"]*)")?')
 WHY = re.compile(r"/\* (.*?) \*/")
 ENUMERATOR = re.compile(r"(\w+)(?: = ([^,/]+))?,? *(?:/\* (.*?) \*/)?")
 MIB_WORDS = {"timeout": "timeOut", "float": "shortFloat"}  # by the word that its name would give
@@ -36,6 +36,7 @@ class Code:
     number: int
     words: str = ""
     why: str = ""
+    letters: str = ""  # of a quality, as the standard has them
 
 
 Table = list[Code]
@@ -66,9 +67,9 @@ class Tree:
             found, why = ROW.match("ROW" + part), WHY.search(part)
             if not found:
                 raise SystemExit(f"{CODES}: {macro}: this row is none: {part.strip()}")
-            name, number, words = found.groups()
+            name, number, words, letters = found.groups()
             value = int(number, 0) if number else len(table)
-            table.append(Code(name.removeprefix(prefix), value, words, why[1] if why else ""))
+            table.append(Code(name.removeprefix(prefix), value, words, why[1] if why else "", letters))
         return table
 
     def types(self) -> Table:
@@ -123,6 +124,11 @@ def _constants(text: str, table: Table) -> str:
 
 def _without_why(table: Table) -> Table:
     return [replace(code, why="") for code in table]
+
+
+def _letters(tree: Tree) -> str:
+    lines = "".join(f'    {code.name}: "{code.letters}",\n' for code in reversed(tree.rows("MAP_QUALITIES")))
+    return f"# As IEC 60870-5-101, 7.2.6.3 has them.\nLETTERS = {{\n{lines}}}\n"
 
 
 def _contents(tree: Tree) -> Table:
@@ -190,7 +196,7 @@ def centre(tree: Tree) -> str:
         "The numbers of what rtu-centre says and is asked: docs/centre.md.",
         "IntEnum",
         [
-            f"{flags}\n{asked}\n{qualities}",
+            f"{flags}\n{asked}\n{qualities}\n{_letters(tree)}",
             enumeration("Kind", "Of a record.", RECORDS, "centre_kind", "CENTRE_"),
             enumeration("Link", "Of a station.", RECORDS, "centre_link", "CENTRE_"),
             _class("State", "The ten states of a command.", tree.rows("MAP_COMMAND_STATES")),

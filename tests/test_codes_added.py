@@ -67,7 +67,9 @@ def add_type(copy: Copy) -> None:
 
 def add_bit(copy: Copy) -> None:
     last = "\tROW(MAP_OVERFLOW, 0x01,"
-    copy.replace(CODES, last, f'\tROW(MAP_SUSPECT, 0x08, "suspect") /* its source doubts it */ \\\n{last}')
+    copy.replace(
+        CODES, last, f'\tROW(MAP_SUSPECT, 0x08, "suspect", "SU") /* its source doubts it */ \\\n{last}'
+    )
     blocked = "\tq |= quality & MAP_BLOCKED ?"
     suspect = "\tq |= quality & MAP_SUSPECT ? QUALITY_QUESTIONABLE : 0;\n"
     copy.replace(SRC + "quality/quality.c", blocked, suspect + blocked)
@@ -80,6 +82,10 @@ def test_a_type_and_a_bit_touch_few_files(copy: Copy, directory: Path) -> None:
     copy.touched.clear()
     add_bit(copy)
     assert len(copy.touched) <= 3
+    page = (
+        (ROOT / "docs/development.md").read_text().partition("\n## Add a number\n")[2].partition("\n## ")[0]
+    )
+    assert [path for path in copy.touched if path.removeprefix(SRC) not in page] == []
     make(copy.root)
     check_made(copy.root)
     build = built(copy.root)

@@ -6,13 +6,13 @@
 #ifndef OPENRTU_MAP_CODES_H
 #define OPENRTU_MAP_CODES_H
 
-/* The quality descriptor's bits, at the places IEC 60870-5-101, 7.2.6.3 gives them; the worst first: name, bit, word */
+/* The quality descriptor's bits, at the places IEC 60870-5-101, 7.2.6.3 gives them; the worst first: name, bit, word, letters */
 #define MAP_QUALITIES(ROW)                                                                                   \
-	ROW(MAP_INVALID, 0x80, "invalid")                                                                    \
-	ROW(MAP_NOT_TOPICAL, 0x40, "not topical") /* not read when it was due */                             \
-	ROW(MAP_SUBSTITUTED, 0x20, "substituted") /* somebody entered it */                                  \
-	ROW(MAP_BLOCKED, 0x10, "blocked")         /* held as it was before somebody blocked it */            \
-	ROW(MAP_OVERFLOW, 0x01, "overflow")       /* beyond what the point can hold */
+	ROW(MAP_INVALID, 0x80, "invalid", "IV")                                                              \
+	ROW(MAP_NOT_TOPICAL, 0x40, "not topical", "NT") /* not read when it was due */                       \
+	ROW(MAP_SUBSTITUTED, 0x20, "substituted", "SB") /* somebody entered it */                            \
+	ROW(MAP_BLOCKED, 0x10, "blocked", "BL")         /* held as it was before somebody blocked it */      \
+	ROW(MAP_OVERFLOW, 0x01, "overflow", "OV")       /* beyond what the point can hold */
 
 /*
  * The ten states of a command, after "Implementing the telecontrol application functions defined by IEC 870-5-104 using
@@ -95,7 +95,7 @@
 	    "degrees from -180 to 180") /* a float would be a metre coarse */
 
 /* Of a row: an enumerator, a text by its number; a type, which has no number but its place, and its label in a switch. */
-#define MAP_CODE(name, number, words)  name = number,
+#define MAP_CODE(name, number, ...)    name = number,
 #define MAP_WORDS(name, number, words) [number] = words,
 #define MAP_TYPE_CODE(name, ...)       name,
 #define MAP_CASE(name, ...)            case name:

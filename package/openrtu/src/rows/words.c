@@ -15,8 +15,8 @@
 #define COUNT(array)   (sizeof(array) / sizeof((array)[0]))
 #define ANGLE_DECIMALS 7
 
-#define BIT_AND_WORD(name, bit, word)   {bit, word},
-#define WORD_AND_COMMA(name, bit, word) word ","
+#define BIT_AND_WORD(name, bit, word, letters)   {bit, word},
+#define WORD_AND_COMMA(name, bit, word, letters) word ","
 _Static_assert(sizeof(MAP_QUALITIES(WORD_AND_COMMA)) <= WORDS_SIZE, "all at once");
 
 static const double NVA_ONE = 32768; /* IEC 60870-5-101, 7.2.6.6 */
