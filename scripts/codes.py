@@ -272,6 +272,7 @@ def mib(tree: Tree) -> str:
         "RtuQuality": ("BITS", _mib_quality(tree.rows("MAP_QUALITIES"))),
         "RtuCommandPhase": ("INTEGER", numbered(tree.rows("MAP_COMMAND_STATES"))),
         "RtuCommandReason": ("INTEGER", numbered(tree.rows("MAP_COMMAND_RESULTS", "MAP_RESULT_"))),
+        "RtuProcessState": ("INTEGER", numbered(tree.rows("MAP_MODULE_STATES", "MAP_MODULE_"))),
     }
     for name, (syntax, words) in syntaxes.items():
         listed = ", ".join(f"{word}({number})" for word, number in words)
