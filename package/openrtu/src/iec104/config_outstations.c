@@ -98,11 +98,9 @@ static const struct config_rule set_rules[SET_KEYS] = {
     [SET_POINTS] = {"points", CONFIG_ARRAY, .required = true, .high = IEC104_OUTSTATION_POINTS_MAX},
 };
 
-/* Those that the standard has, in the order of enum map_type, and a position. */
-static const char *const types[] = {"single", "double", "step",    "bitstring", "normalized",
-				    "scaled", "float",  "counter", "position",  NULL};
-#define POSITION (MAP_COUNTER + 1)
-_Static_assert(MAP_SINGLE == 0 && MAP_BITSTRING == 3 && MAP_COUNTER == 7, "in the order of enum map_type");
+/* Those that the standard has, and a position. */
+static const char *const types[] = {MAP_STANDARD_TYPES(MAP_TYPE_NAME) "position", NULL};
+#define POSITION (MAP_COUNTER + 1) /* after the last of them */
 
 enum {
 	POINT_NAME,

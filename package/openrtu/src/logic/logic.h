@@ -12,14 +12,15 @@
 #include <stdint.h>
 
 #include "logic/format.h"
+#include "map/map.h"
 
-/* The flags of a quality are those of IEC 60870-5-101, 7.2.6.3. */
+/* The flags of a quality are the map's. */
 enum {
-	LOGIC_OVERFLOW = 0x01,
-	LOGIC_BLOCKED = 0x10,
-	LOGIC_SUBSTITUTED = 0x20,
-	LOGIC_NOT_TOPICAL = 0x40,
-	LOGIC_INVALID = 0x80,
+	LOGIC_OVERFLOW = MAP_OVERFLOW,
+	LOGIC_BLOCKED = MAP_BLOCKED,
+	LOGIC_SUBSTITUTED = MAP_SUBSTITUTED,
+	LOGIC_NOT_TOPICAL = MAP_NOT_TOPICAL,
+	LOGIC_INVALID = MAP_INVALID,
 	LOGIC_NOT_GOOD = LOGIC_INVALID | LOGIC_NOT_TOPICAL | LOGIC_OVERFLOW
 };
 

@@ -99,6 +99,7 @@
 #define MAP_WORDS(name, number, words) [number] = words,
 #define MAP_TYPE_CODE(name, ...)       name,
 #define MAP_CASE(name, ...)            case name:
+#define MAP_TYPE_NAME(type, name, ...) [type] = name,
 #define MAP_OR_CODE(name, ...)         | name
 
 #endif

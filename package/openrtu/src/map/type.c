@@ -12,10 +12,10 @@
 	[type] = {name, width, MAP_CLASS_##class, MAP_FORM_##form, low, high, type, expected},
 #define OWN(type, name, width, class, form, low, high, carrier, expected)                                    \
 	[type] = {name, width, MAP_CLASS_##class, MAP_FORM_##form, low, high, carrier, expected},
-#define NAME(type, name, ...) [type] = name,
 
 const struct map_type_row map_types[MAP_TYPES] = {MAP_STANDARD_TYPES(STANDARD) MAP_OWN_TYPES(OWN)};
-const char *const map_type_names[MAP_TYPES + 1] = {MAP_STANDARD_TYPES(NAME) MAP_OWN_TYPES(NAME)};
+const char *const map_type_names[MAP_TYPES + 1] = {MAP_STANDARD_TYPES(MAP_TYPE_NAME)
+						       MAP_OWN_TYPES(MAP_TYPE_NAME)};
 
 bool map_value_of(enum map_type type, double number, union map_value *out)
 {

@@ -13,11 +13,7 @@ const char *const modbus_table_names[MODBUS_TABLES] = {
     [MODBUS_HOLDING_REGISTERS] = "holding_registers",
 };
 
-const char *const modbus_type_names[] = {
-    [MAP_SINGLE] = "single",       [MAP_DOUBLE] = "double",         [MAP_STEP] = "step",
-    [MAP_BITSTRING] = "bitstring", [MAP_NORMALIZED] = "normalized", [MAP_SCALED] = "scaled",
-    [MAP_FLOAT] = "float",         [MAP_COUNTER] = "counter",       NULL,
-};
+const char *const modbus_type_names[] = {MAP_STANDARD_TYPES(MAP_TYPE_NAME) NULL};
 static const char *const orders[] = {"big", "little", NULL};
 static const char *const formats[] = {
     "int16",  "uint16",  "int32",   "uint32", "int64",
