@@ -31,12 +31,12 @@ from lab.linesim import LineSim
 from lab.roads import WAYS
 from lab.show import DEADLINE_S, configuration, say, start_gateway, start_lines, tcp_port
 from lab.verdict import Verdict, run
+from openrtu_tools.centre.codes import INVALID
 
 PORT = 8104
 USER = "operator"
 TUNNELS, ABSENT = "Torino-Milano", "Cape Town-Paarl"
 UNSURE = {TUNNELS, "Oslo-Hamar", ABSENT}  # their places are not good all the time
-INVALID = 0x80
 # What the gateways of some receivers count of their clocks.
 COUNTED = {
     "Kraków-Katowice": "clock_steps",
