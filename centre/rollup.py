@@ -13,7 +13,9 @@ import time
 from collections.abc import Iterable
 from itertools import pairwise
 
+from openrtu_tools.centre.codes import INVALID
 from openrtu_tools.centre.store import Database
+from openrtu_tools.codes import QUALITIES
 
 SHIFTS = (38, 44)
 POINTS_AT_ONCE = 200
@@ -21,9 +23,10 @@ STEP_S = 0.02  # of the writer's time
 REST_NS = 60 * 10**9  # a slot is summed up once it is over for so long
 
 # Of rows of the history; a value that is not valid has no part in what is the lowest and the highest.
-QUALITY = " | ".join(f"max(quality & {bit})" for bit in (128, 64, 32, 16, 1))
+QUALITY = " | ".join(f"max(quality & {bit})" for bit in QUALITIES.values())
+VALID = f"quality & {INVALID} = 0"
 OF_HISTORY = (
-    "min(CASE WHEN quality < 128 THEN value END) AS low, max(CASE WHEN quality < 128 THEN value END) AS high,"
+    f"min(CASE WHEN {VALID} THEN value END) AS low, max(CASE WHEN {VALID} THEN value END) AS high,"
     f" count(*) AS number, {QUALITY} AS quality"
 )
 OF_ROLLUP = f"min(low) AS low, max(high) AS high, CAST(sum(number) AS BIGINT) AS number, {QUALITY} AS quality"
