@@ -226,7 +226,6 @@ class Logins:
         granted = next((each for each in self.settings.roles if each.value in values), None)
         if not granted:
             raise RefusedError(403, "no_role", f"{name[: users.NAME_MOST]}: the provider gives no role")
-        check_text(name)
         return users.Provided(name, self._digest(claims["sub"]), granted.role, granted.groups)
 
     def _digest(self, subject: str) -> str:
@@ -243,6 +242,7 @@ class Logins:
         except (TimeoutError, ValueError) as error:
             raise RefusedError(400, "form", "the body is no form") from error
         subject, sid = await self.provider.logged_out(form.get("logout_token", [""])[0])
+        check_text(sid)
         digest = self._digest(subject) if subject else ""
         await self.server.centre.store.write(partial(users.sent_out, subject=digest, sid=sid))
         return web.Response()
@@ -250,4 +250,7 @@ class Logins:
 
 def _text(claims: Json, key: str) -> str:
     found = claims.get(key)
-    return found if isinstance(found, str) else ""
+    if not isinstance(found, str):
+        return ""
+    check_text(found)
+    return found

@@ -26,6 +26,8 @@ INITIAL = {
     DEVICE: {"coils": {"0": 0, "1": 0}, "input_registers": {"0": 50, "1": 60}, "holding_registers": {"0": 40}}
 }
 WAIT_S = 60.0
+# A connection that was idle and gave way, or the module is another.
+GONE = (http.client.HTTPException, ConnectionError, ssl.SSLEOFError)
 
 
 def make_user(file: Path, name: str, role: str, password: str = PASSWORD) -> None:
@@ -125,7 +127,7 @@ class Client:
         try:
             self.connection.request(method, path, body, sent)
             answer = self.connection.getresponse()
-        except (http.client.HTTPException, ConnectionError):  # it was idle, or the module is another
+        except GONE:
             self.connection.close()
             self.connection.request(method, path, body, sent)
             answer = self.connection.getresponse()

@@ -15,7 +15,7 @@ from contextlib import suppress
 from typing import Any, Self
 from urllib.parse import parse_qs
 
-from joserfc import jwt
+from joserfc import jws, jwt
 from joserfc.jwk import RSAKey
 
 from lab.gateway import free_port
@@ -121,7 +121,8 @@ class Hostile:
     # ---- signatures, and what is none --------------------------------------------------------
 
     def sign(self, claims: Json, **header: str) -> str:
-        return jwt.encode({"alg": "RS256", "kid": self.key.kid, **header}, claims, self.key)
+        head = {"alg": "RS256", "kid": self.key.kid, **header}
+        return jws.serialize_compact(head, json.dumps(claims).encode(), self.key)
 
     def logout_token(self, **claims: Any) -> str:
         now_s = int(time.time())

@@ -203,6 +203,14 @@ def test_nobody_has_the_name_of_another(site: Site, hostile: Hostile) -> None:
         )  # fmt: skip
 
 
+@pytest.mark.parametrize("text", ["\0", "a\ud800"])
+def test_what_no_database_takes_is_refused(site: Site, hostile: Hostile, text: str) -> None:
+    for claim in "preferred_username", "sid":
+        hostile.claims = {claim: text}
+        assert Browser(site).login(hostile) == "form"
+    assert send_out(site, hostile.logout_token(sid=text)) == 400
+
+
 def test_an_engineer_keeps_a_providers_user_out(site: Site, hostile: Hostile) -> None:
     hostile.claims = {"sub": "1005", "preferred_username": "dora", "groups": "guests"}
     browser = Browser(site)
@@ -464,9 +472,17 @@ def test_new_keys_are_looked_for_and_not_at_every_strangers_word(site: Site, hos
     assert Browser(site).login(hostile) == ""
 
 
+def answers_again(site: Site, hostile: Hostile) -> bool:
+    """That it failed is kept for a moment."""
+    hostile.hangs.clear()
+    where = Browser(site).get("/api/oidc/begin").headers["Location"]
+    return "state=" in where and Browser(site).login(hostile) == ""
+
+
 # ---- a provider that is not there ----------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_provider_that_hangs_delays_nobody(site: Site, hostile: Hostile) -> None:
     hostile.hangs.add("/realm/token")
     browsers = [Browser(site, f"127.0.9.{number + 1}") for number in range(12)]
@@ -485,6 +501,35 @@ def test_a_provider_that_hangs_delays_nobody(site: Site, hostile: Hostile) -> No
     hostile.hangs.clear()
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("path", ["/realm/.well-known/openid-configuration", "/realm/keys"])
+def test_a_provider_that_says_nothing_of_itself_delays_nobody(
+    site: Site, hostile: Hostile, path: str
+) -> None:
+    site.kill(site.centre)
+    site.start_centre()
+    hostile.late.clear()
+    hostile.hangs.add(path)
+    before = len(hostile.asked)
+    with ThreadPoolExecutor(3) as pool:
+        if path.endswith("keys"):
+            waiting = [pool.submit(Browser(site).login, hostile) for _ in range(3)]
+        else:
+            waiting = [pool.submit(Browser(site).get, "/api/oidc/begin") for _ in range(3)]
+        until(lambda: path in {each for each, *_ in hostile.asked[before:]}, "it hangs")
+        assert site.client("emil").get("/api/me")["user"] == "emil"
+        answers = [each.result() for each in waiting]
+    words = {
+        each if isinstance(each, str) else each.headers["Location"].rpartition("/")[2] for each in answers
+    }
+    assert words == {"provider"}
+    # Those who wanted it at once have waited for one answer.
+    assert [each for each, *_ in hostile.asked[before:]].count(path) == 1
+    hostile.late.set()
+    until(lambda: answers_again(site, hostile), "it is asked again", 0.5)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "description",
     [
@@ -506,10 +551,7 @@ def test_a_description_that_is_not_its_own_is_refused(
     )  # fmt: skip
     assert site.client("emil").get("/api/me")["user"] == "emil"
     hostile.description.clear()
-    # A failure is kept for a moment.
-    until(
-        lambda: "state=" in Browser(site).get("/api/oidc/begin").headers["Location"], "it is asked again", 0.5
-    )
+    until(lambda: answers_again(site, hostile), "it is asked again", 0.5)
 
 
 # ---- it sends somebody out -----------------------------------------------------------------------
@@ -557,6 +599,33 @@ def test_the_provider_ends_a_session_or_all_of_a_user(site: Site, hostile: Hosti
     assert send_out(site, hostile.sign(hostile.all_claims())) == 403  # an ID token is none
     assert send_out(site, "") == 403
     assert alive() == {"d"}
+
+
+# ---- cookies -------------------------------------------------------------------------------------
+
+
+def test_no_other_host_of_the_site_puts_its_cookie_in_the_place_of_ours(
+    of_north: Callable[..., Site], hostile: Hostile
+) -> None:
+    """Behind https a browser takes a cookie of this name from this host alone."""
+    made = of_north(centre={"secure": True})
+    content = json.loads(made.file.read_text())
+    content["centre"]["oidc"] = configured(hostile.issuer, url="https://centre.example", roles=ROLES)
+    del content["centre"]["oidc"]["secret_file"]
+    made.file.write_text(json.dumps(content))
+    with made:
+        browser = Browser(made)
+        told = browser.begin()
+        [cookie] = browser.set
+        assert cookie.startswith("__Host-openrtu_oidc=")
+        assert {"Secure", "Path=/", "HttpOnly"} <= {*cookie.split("; ")} and "Domain" not in cookie
+        assert told["redirect_uri"] == "https://centre.example/api/oidc/callback"
+        hostile.nonce = told["nonce"]
+        response = browser.get(f"/api/oidc/callback?code=c&state={told['state']}", Host="evil.example")
+        assert response.headers["Location"] == "https://centre.example/"
+        # A public client says its name, and has no secret.
+        _, form, authorization = next(each for each in reversed(hostile.asked) if each[0] == "/realm/token")
+        assert (form["client_id"], authorization) == (CLIENT, "")
 
 
 # ---- the file ------------------------------------------------------------------------------------
