@@ -4,9 +4,8 @@
 import uPlot from "../vendor/uplot.mjs";
 import { HOUR_MS } from "./chart.js";
 import { CONTENT, LINK } from "./codes.js";
-import { fill, h, Rows, setText, state } from "./dom.js";
+import { empty, fill, h, Rows, setText, state } from "./dom.js";
 import * as live from "./live.js";
-import { empty } from "./points.js";
 import { qualityOf, valueText } from "./quality.js";
 import { number, t, time } from "./words.js";
 
