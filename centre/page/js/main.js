@@ -60,8 +60,11 @@ function showLogin(said = "") {
   const password = h("input", { id: "password", type: "password", autocomplete: "current-password", required: true });
   const code = h("input", { id: "code", autocomplete: "one-time-code", inputMode: "numeric", maxLength: 32 });
   const asked = h("label", { hidden: true }, t("code_or_recovery"), code);
-  const provider = h("div");
-  live.ask("oidc").then(({ label }) => label && provider.replaceChildren(h("button", { type: "button", onclick: () => location.assign("api/oidc/begin") }, t("login_by", { provider: label }))), () => {});
+  const provider = h("button", { type: "button", hidden: true, onclick: () => location.assign("api/oidc/begin") });
+  live.ask("oidc").then(({ label }) => {
+    setText(provider, t("login_by", { provider: label }));
+    provider.hidden = !label;
+  }, () => {});
   const form = h("form", { class: "card" },
     h("div", { class: "brand" }, h("img", { src: "icon.svg", alt: "" }), h("h1", {}, `OpenRTU · ${t("title")}`)),
     h("label", {}, t("user"), name), h("label", {}, t("password"), password), asked,

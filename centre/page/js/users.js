@@ -47,7 +47,7 @@ function userDialogue(user, known, done) {
   const lost = h("button", { type: "button", hidden: !user?.second_factor || myself, onclick: () => send(`users/${encodeURIComponent(user.name)}/second_factor/end`, {}) }, t("second_lost"));
   const form = h("form", { method: "dialog" },
     h("div", { class: "body" }, h("h2", {}, t(user ? "user_change" : "user_add")), labelled("name", name), labelled("role_name", role), scope,
-      labelled(user ? "password_new" : "password", fresh), off.element, confirms, failure),
+      fixed ? null : labelled(user ? "password_new" : "password", fresh), off.element, confirms, failure),
     h("div", { class: "end" }, remove, lost, h("span", { class: "grow" }),
       h("button", { type: "button", onclick: () => dialog.close() }, t("cancel")), h("button", { class: "main" }, t("save"))));
 
