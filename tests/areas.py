@@ -62,6 +62,7 @@ REACH = [
     ("docs/positioning.md", "tests/test_station_position.py"),
     ("docs/centre.md", "tests/test_centre.py"),
     ("docs/control-centre.md", "test-centre"),
+    ("docs/operators-day.md", "tests/centre/test_operators_day.py"),
     ("docs/concentrator.md", "tests/test_outstations*.py"),
     ("docs/examples/concentrator.json", "lint tests/test_outstations.py"),
     ("docs/traps.md", "tests/test_station_traps.py"),

@@ -47,7 +47,7 @@ function offset(ms, name = zone()) {
 export function offsetText(ms) {
   const minutes = Math.round(offset(ms) / 60000);
   const rest = minutes % 60 ? `:${PAD(minutes % 60)}` : "";
-  return minutes ? ` ${minutes < 0 ? "−" : "+"}${PAD(Math.trunc(minutes / 60))}${rest}` : "Z";
+  return minutes ? `\u00a0${minutes < 0 ? "−" : "+"}${PAD(Math.trunc(minutes / 60))}${rest}` : "Z";
 }
 
 // The day and the clock of a moment, without its offset.

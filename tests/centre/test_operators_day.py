@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A night of an operator, from login to handing over: the story of docs/operators-day.md, at a whole centre.
+
+With OPENRTU_FIGURES=docs/figures it takes the pictures of that page, too.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pyotp
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from browser import LIMIT_MS, chromium, tool
+from control_room import PASSWORD, Site, Stations, described, until
+from lab.vehicles import M_ME_TF_1, M_SP_TB_1, POSITION, Station, measured, position, single
+from test_centre_page import PAGE, now_ms
+
+pytestmark = pytest.mark.slow
+expect.set_options(timeout=LIMIT_MS)
+
+FIGURES = os.environ.get("OPENRTU_FIGURES")
+WIDE, PHONE = {"width": 1100, "height": 640}, {"width": 390, "height": 760}
+SETTLES_MS = 1500
+ZONE = "Europe/Belgrade"
+PLANT = """ca,ioa,type,command_type,name,unit,select,high,state,priority
+1,2,M_SP_NA_1,C_SC_NA_1,pump.run,,true,,,
+1,4,M_ME_NC_1,,tank.level,m,,4.5,,1
+1,5,M_SP_NA_1,,door.open,,,,1,3
+"""
+VAN = "ca,ioa,type,name\n1,1,,van.position\n"
+PLANTS = {
+    "pumping station Sava": (44.80, 20.43), "pumping station Dunav": (44.85, 20.52),
+    "pumping station Tamiš": (44.87, 20.64), "reservoir Avala": (44.69, 20.52),
+    "reservoir Zvezdara": (44.80, 20.51), "waterworks Makiš": (44.76, 20.36),
+}  # fmt: skip
+ROAD = [(44.79 + 0.004 * step, 20.40 + 0.009 * step) for step in range(12)]
+
+
+def take(page: Page, name: str) -> None:
+    """A picture, where pictures are wanted."""
+    if FIGURES:
+        page.wait_for_timeout(SETTLES_MS)
+        page.screenshot(path=Path(FIGURES) / f"day-{name}.png")
+
+
+@pytest.fixture(scope="module")
+def plants(stations: Stations) -> Iterator[dict[str, Station]]:
+    made = {name: stations.station() for name in PLANTS}
+    yield made
+    for each in made.values():
+        stations.do(each.stop())
+
+
+@pytest.fixture(scope="module")
+def van(stations: Stations) -> Iterator[Station]:
+    made = stations.station()
+    yield made
+    stations.do(made.stop())
+
+
+@pytest.fixture(scope="module")
+def site(
+    programs: Path,
+    stations: Stations,
+    plants: dict[str, Station],
+    van: Station,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Iterator[Site]:
+    assert PAGE.is_dir(), "the page is not built: make centre-page"
+    folder = tmp_path_factory.mktemp("day")
+    here = [
+        described(plants[name], folder, name, PLANT, group="water", location=list(place))
+        for name, place in PLANTS.items()
+    ]
+    here.append(described(van, folder, "van 7", VAN, group="vans"))
+    with Site(programs, folder, here, PAGE, centre={"zone": ZONE}) as started:
+        for each in plants.values():
+            stations.say(each, 2, M_SP_TB_1, single(now_ms(), False))
+            stations.say(each, 4, M_ME_TF_1, measured(now_ms(), 2.4))
+            stations.say(each, 5, M_SP_TB_1, single(now_ms(), False))
+        for number, place in enumerate(ROAD):
+            at = now_ms() - 10_000 * (len(ROAD) - number)
+            stations.say(van, 1, POSITION, position(at, *place, 90))
+        client = started.client("vera")
+        wanted = 3 * len(plants) + 1
+        until(lambda: len([each for each in client.get("/api/points") if each["at"]]) >= wanted, "the points")
+        yield started
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with chromium() as started:
+        yield started
+
+
+def second_factor(site: Site, name: str) -> pyotp.TOTP:
+    client = site.client(name)
+    app = pyotp.TOTP(client.post("/api/second_factor/offer", {"own_password": PASSWORD})["secret"])
+    client.post("/api/second_factor/begin", {"code": app.at(int(time.time()) - 30)})
+    return app
+
+
+def entered(browser: Browser, site: Site, name: str, app: pyotp.TOTP, scheme: str) -> Page:
+    """By name, password and the telephone's code."""
+    page = browser.new_context(
+        viewport=WIDE, locale="en-GB", color_scheme=scheme, timezone_id=ZONE
+    ).new_page()
+    page.set_default_timeout(LIMIT_MS)
+    page.goto(f"http://127.0.0.1:{site.port}/#alarms")
+    page.locator("#name").fill(name)
+    page.locator("#password").fill(PASSWORD)
+    page.keyboard.press("Enter")
+    code = page.locator("#code")
+    expect(code).to_be_focused()
+    code.fill(app.now())
+    if scheme == "dark":
+        take(page, "login")
+    page.keyboard.press("Enter")
+    expect(page.locator("nav")).to_be_visible()
+    return page
+
+
+def test_a_night_of_an_operator(
+    browser: Browser, site: Site, stations: Stations, plants: dict[str, Station], van: Station
+) -> None:
+    olga, omar = second_factor(site, "olga"), second_factor(site, "omar")
+    page = entered(browser, site, "olga", olga, "dark")
+    expect(page.locator(".empty")).to_contain_text("No alarms")
+
+    # A storm: pumps have stopped, tanks run over, doors are opened.
+    for each in plants.values():
+        stations.say(each, 4, M_ME_TF_1, measured(now_ms(), 4.9))
+        stations.say(each, 5, M_SP_TB_1, single(now_ms(), True))
+    alarms = page.locator("tbody tr:not(.gap)")
+    expect(alarms).to_have_count(2 * len(plants))
+    take(page, "storm")
+
+    # Only the doors: somebody is there, who has said so. All of them at once.
+    page.keyboard.press("/")
+    page.keyboard.type("door")
+    expect(alarms).to_have_count(len(plants))
+    page.get_by_role("button", name=f"Acknowledge shown ({len(plants)})").click()
+    for each in plants.values():
+        stations.say(each, 5, M_SP_TB_1, single(now_ms(), False))
+    expect(alarms).to_have_count(0)
+    page.get_by_placeholder("Search").fill("")
+    expect(alarms).to_have_count(len(plants))
+
+    # A pump is started, with a selection before.
+    page.locator("nav a[href='#points']").click()
+    page.locator(".side .list button", has_text="pumping station Sava").click()
+    page.locator("tr", has_text="pump.run").get_by_role("button", name="Command").click()
+    page.locator("dialog .choices button").nth(1).click()
+    page.get_by_role("button", name="Select", exact=True).click()
+    expect(page.get_by_role("button", name="Execute")).to_be_visible()
+    take(page, "selected")
+    page.get_by_role("button", name="Execute").click()
+    expect(page.locator("dialog .outcome")).to_have_class("outcome good")
+    assert plants["pumping station Sava"].commanded[-1] == (2, 1)
+    page.keyboard.press("Escape")
+    for each in plants.values():
+        stations.say(each, 4, M_ME_TF_1, measured(now_ms(), 3.1))
+
+    # The van is in a tunnel: its last place stays, and is told to be invalid.
+    page.keyboard.press("1")
+    stations.say(van, 1, POSITION, position(now_ms(), 0, 0, fix=0))
+    row = page.locator(".list button", has_text="van 7")
+    expect(row).to_contain_text("invalid")
+    row.click()
+    expect(page.locator(".about dl")).to_contain_text(f"{ROAD[-1][0]:.6f}°")
+    expect(page.locator(".about")).to_contain_text("Track of the last hour")
+    take(page, "lost")
+
+    # The rest is done on the telephone, on the way to the kitchen.
+    phone = browser.new_context(viewport=PHONE, locale="en-GB", color_scheme="dark", timezone_id=ZONE)
+    phone.add_cookies(page.context.cookies())
+    small = phone.new_page()
+    small.set_default_timeout(LIMIT_MS)
+    small.goto(f"http://127.0.0.1:{site.port}/#alarms")
+    level = small.locator("tbody tr", has_text="Avala").filter(has_text="tank.level")
+    expect(level).to_contain_text("gone")
+    take(small, "phone")
+    small.locator("tbody tr", has_text="Sava").get_by_role("button", name="Shelve").click()
+    small.get_by_label("Reason").fill("pump is tested until six")
+    small.keyboard.press("Enter")
+    small.get_by_role("button", name="Acknowledge shown").click()
+    expect(level).to_have_count(0)
+    phone.close()
+
+    # What happened, for who comes in the morning.
+    page.locator("nav a[href='#alarms']").click()
+    page.get_by_role("button", name="Past alarms").click()
+    expect(page.locator("tbody tr", has_text="door.open")).to_have_count(len(plants))
+    page.get_by_role("button", name="Commands").click()
+    expect(page.locator("tbody tr", has_text="pump.run")).to_contain_text("Executed")
+    page.get_by_role("button", name="Events").click()
+    expect(page.locator("tbody tr", has_text="tank.level").first).to_be_visible()
+    take(page, "events")
+    tool(page, "#logout").click()
+    expect(page.locator("#name")).to_be_focused()
+    page.context.close()
+
+    # The next one sees what is shelved, by whom, until when, and why.
+    page = entered(browser, site, "omar", omar, "light")
+    page.get_by_role("button", name="Shelved (1)").click()
+    sava = page.locator("tbody tr", has_text="Sava")
+    expect(sava).to_contain_text("pump is tested until six")
+    take(page, "morning")
+    page.context.close()
