@@ -153,7 +153,6 @@ function frame() {
     const [name, argument] = location.hash.slice(1).split("/");
     const view = views.includes(name) ? name : "map";
     links.forEach((link) => (link.hash === `#${view}` ? link.setAttribute("aria-current", "page") : link.removeAttribute("aria-current")));
-    links[views.indexOf(view)].scrollIntoView({ block: "nearest", inline: "center" });
     document.title = `${t(view)} · ${t("title")}`;
     main.className = `${view}-view`;
     setText(heading, t(view));

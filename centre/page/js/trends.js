@@ -8,6 +8,7 @@ import { empty, fill, h, Rows, setText, state } from "./dom.js";
 import * as live from "./live.js";
 import { qualityOf, valueText } from "./quality.js";
 import { number, t, time } from "./words.js";
+import { axisTimes, zone } from "./zone.js";
 
 const POINTS_MOST = 8; // that colours and dashes tell apart; the centre answers 12
 const SPANS = [["chart_hour", 1], ["chart_day", 24], ["chart_week", 168], ["trend_month", 730.5], ["trend_year", 8766]];
@@ -240,12 +241,11 @@ export function showTrends(main, _, argument = "") {
     if (!trends.length) return;
     const colours = getComputedStyle(document.documentElement);
     const axis = { stroke: colours.getPropertyValue("--muted"), grid: { stroke: colours.getPropertyValue("--line"), width: 1 }, ticks: { show: false }, font: "12px system-ui" };
-    const forms = [[31536000, "{YYYY}"], [2419200, "{YYYY}-{MM}"], [86400, "{YYYY}-{MM}-{DD}"], [3600, "{HH}:{mm}"], [60, "{HH}:{mm}"], [1, "{HH}:{mm}:{ss}"], [0.001, "{HH}:{mm}:{ss}.{fff}"]];
     plot = new uPlot({
-      width: Math.max(240, place.clientWidth - 28), height: HEIGHT, legend: { show: false },
+      width: Math.max(240, place.clientWidth - 28), height: HEIGHT, legend: { show: false }, tzDate: (second) => uPlot.tzDate(new Date(second * 1000), zone()),
       cursor: { drag: { x: true, y: false, setScale: false, dist: 6 }, points: { show: false } },
       scales: { x: { time: true, range: (_self, low, high) => [low, high] }, ...Object.fromEntries(scales.map((scale) => [scale, { range: () => bounds(scale) }])) },
-      axes: [{ ...axis, values: forms.map(([step, form]) => [step, form, null, null, null, null, null, null, 1]) },
+      axes: [{ ...axis, space: 90, values: (_, seconds) => axisTimes(seconds) },
         ...scales.slice(0, AXES_MOST).map((scale, n) => ({ ...axis, scale, side: n % 2 ? 1 : 3, size: 62, incrs: scale === "state" ? [1] : undefined, grid: { ...axis.grid, show: n === 0 },
           label: scale === "state" ? t("trend_states") : scale.slice(5), labelSize: scale === "unit " ? 0 : 18, labelFont: "12px system-ui" }))],
       series: [{}, ...trends.map((trend, n) => ({ scale: scaleOf(trend), stroke: COLOURS[n], width: 1.25, dash: DASHES[n], paths: uPlot.paths.stepped({ align: 1 }), points: { show: false }, spanGaps: false }))],

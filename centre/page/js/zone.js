@@ -70,15 +70,18 @@ export function fromField(text, last = false) {
   return real.length ? (last ? Math.max(...real) : Math.min(...real)) : before;
 }
 
-// Texts of an axis of time, in seconds: the first, and each that has another offset than the one before, say it; a new day says which.
+// Texts of an axis of time, in seconds, as fine as its steps: the first, and each that has another offset than the one before, say it; a new day says
+// which.
 export function axisTimes(seconds) {
+  const step = seconds.length > 1 ? seconds[1] - seconds[0] : 60;
   let before = { day: "", offset: "" };
-  const brief = seconds.length > 1 && seconds[1] - seconds[0] < 60 ? 8 : 5;
   return seconds.map((second) => {
-    const { day, clock } = wall(second * 1000);
-    const now = { day, offset: offsetText(second * 1000) };
-    const text = `${clock.slice(0, brief)}${now.offset === before.offset ? "" : now.offset}${now.day === before.day ? "" : `\n${day}`}`;
+    const at = wall(second * 1000);
+    const now = { day: at.day, offset: offsetText(second * 1000) };
+    const offset = now.offset === before.offset ? "" : now.offset;
+    const newDay = now.day === before.day ? "" : `\n${at.day}`;
     before = now;
-    return text;
+    if (step >= DAY_MS / 1000) return `${at.day.slice(0, step > 300 * 86400 ? 4 : step > 27 * 86400 ? 7 : 10)}${offset}`;
+    return `${step < 1 ? at.clock + at.ms : at.clock.slice(0, step < 60 ? 8 : 5)}${offset}${newDay}`;
   });
 }
