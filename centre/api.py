@@ -10,7 +10,7 @@ import math
 import re
 import time
 from collections import Counter
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Hashable
 from typing import Any
 
 from aiohttp import web
@@ -22,6 +22,7 @@ from openrtu_tools.centre.errors import RefusedError, StoreError
 from openrtu_tools.centre.exports import STRETCH_NS
 from openrtu_tools.centre.formats import Writer
 from openrtu_tools.centre.intake import COMMAND_COLUMNS
+from openrtu_tools.centre.makers import Made
 from openrtu_tools.centre.model import NS_PER_MS, Alarm, Command, Json
 from openrtu_tools.centre.settings import ALARM_KINDS
 from openrtu_tools.centre.store import INTEGER_MOST, Row, audit
@@ -35,6 +36,7 @@ COMMANDS = ", ".join(f'"{column}"' for column in COMMAND_COLUMNS)
 ROWS = 500  # of a page
 TREND_COLUMNS, TREND_RANGE, TRENDS_MOST = 1000, range(10, 4001), 12
 CHART_ROWS = 5000  # of a chart
+READ_S = 600.0  # for a piece of 64 KiB
 IDS_MOST = 5000  # of alarms
 MARKS_AT_ONCE = 200  # of a file
 DAY_S = 86400.0
@@ -95,22 +97,28 @@ def _span(asked: Asked, seconds: float) -> tuple[int, int]:
     return begin * 1_000_000, end * 1_000_000
 
 
-async def _answered(asked: Asked, pieces: AsyncIterator[bytes], kind: str, name: str) -> web.StreamResponse:
+async def _answered(
+    asked: Asked, pieces: AsyncIterator[bytes], kind: str, name: str, status: int = 200, **headers: str
+) -> web.StreamResponse:
     """As it comes. What fails on the way ends the connection: half a file is no file."""
-    headers = {
-        **HEADERS,
-        "Cache-Control": "no-store",
-        "Content-Disposition": f'attachment; filename="{name}"',
-    }
-    response = web.StreamResponse(headers=headers)
+    response = web.StreamResponse(
+        status=status,
+        headers={
+            **HEADERS,
+            "Cache-Control": "no-store",
+            "Content-Disposition": f'attachment; filename="{name}"',
+            **headers,
+        },
+    )
     response.content_type, response.charset = kind, "utf-8"
     await response.prepare(asked.request)
     try:
         async for piece in pieces:
             if piece:
-                await response.write(piece)
-    except StoreError as error:
-        log.error("%s ends before its end: %s", name, error)
+                async with asyncio.timeout(READ_S):  # who is slower than that comes again for the rest
+                    await response.write(piece)
+    except (StoreError, TimeoutError) as error:
+        log.error("%s ends before its end: %s", name, error or "it is read too slowly")
         if asked.request.transport:
             asked.request.transport.abort()
     else:
@@ -118,10 +126,69 @@ async def _answered(asked: Asked, pieces: AsyncIterator[bytes], kind: str, name:
     return response
 
 
+def _range(asked: Asked) -> tuple[int, int | None] | None:
+    """Of octets, the first and the one behind the last; None: all. Several ranges are none."""
+    found = re.fullmatch(r"bytes=(\d{1,18})-(\d{0,18})", asked.request.headers.get("Range", ""))
+    return found and (int(found[1]), int(found[2]) + 1 if found[2] else None)
+
+
+def _owner(asked: Asked) -> Hashable:
+    """Nobody gets a file of before who may see less now."""
+    return asked.session.user, asked.session.role, asked.session.groups
+
+
 async def _made(asked: Asked, order: Json, kind: str, name: str) -> web.StreamResponse:
-    """A file that may be long: by a process of its own."""
-    async with asked.centre.makers.make(order) as pieces:
-        return await _answered(asked, pieces, kind, name)
+    """A file that may be long: by a process of its own. Who was cut off takes the rest of the same one."""
+    makers, owner, key = asked.centre.makers, _owner(asked), asked.request.path_qs
+    wanted = _range(asked)
+    made = makers.find(owner, key) if wanted else None
+    if made and asked.request.headers.get("If-Range", made.tag) == made.tag:
+        with makers.reading(made):
+            await _until(asked, made, whole=True)
+            if not made.fault:
+                return await _rest(asked, made, kind, wanted or (0, None))
+    made = makers.begin(order, owner, key, name)
+    with makers.reading(made):
+        await _until(asked, made)
+        if made.fault and not made.size:
+            raise StoreError(made.fault)
+        headers = {"ETag": made.tag, "Accept-Ranges": "bytes"}
+        if made.state == "whole":
+            headers["Content-Length"] = str(made.size)
+        return await _answered(asked, made.read(0), kind, name, **headers)
+
+
+async def _until(asked: Asked, made: Made, whole: bool = False) -> None:
+    """Something is there of it, or all."""
+    while not made.over.is_set() and (whole or not made.size):
+        if asked.request.transport is None or asked.request.transport.is_closing():
+            raise ConnectionResetError
+        await made.grows()
+
+
+async def _rest(asked: Asked, made: Made, kind: str, wanted: tuple[int, int | None]) -> web.StreamResponse:
+    size = made.size
+    begin, end = wanted[0], min(size, wanted[1] or size)
+    headers = {"ETag": made.tag, "Accept-Ranges": "bytes"}
+    if begin >= end:
+        said = {"code": "range", "error": f"the file has {size} octets"}
+        headers |= {"Content-Range": f"bytes */{size}"}
+        return web.json_response(said, status=416, headers=headers)
+    headers |= {"Content-Range": f"bytes {begin}-{end - 1}/{size}", "Content-Length": str(end - begin)}
+    return await _answered(asked, made.read(begin, end), kind, made.name, 206, **headers)
+
+
+async def files(asked: Asked) -> list[Json]:
+    """Of the user, oldest first."""
+    return [made.view() for made in asked.centre.makers.of(_owner(asked))]
+
+
+async def end_file(asked: Asked) -> Json:
+    for made in asked.centre.makers.of(_owner(asked)):
+        if made.id == asked.path["id"]:
+            asked.centre.makers.end(made)
+            return {}
+    raise RefusedError(404, "unknown", f"there is no file {asked.path['id']}")
 
 
 async def _newest(asked: Asked, sql: str, at: str, begin: int, end: int, *values: Any) -> list[Row]:
@@ -586,6 +653,8 @@ ROUTES = [
     Route("GET", "/api/tracks", "viewer", "ways of vehicles; a gap begins a new segment", tracks,
           {**SPAN, **FORMAT, "point": {"type": "integer"}, "step": STEP}, answer="application/geo+json"),
     Route("GET", "/api/areas", "viewer", "the areas of the map", areas),
+    Route("GET", "/api/files", "viewer", "the user's files, made or kept, and how far they are", files),
+    Route("POST", "/api/files/{id}/end", "viewer", "such a file is not wanted any more", end_file),
     Route("GET", "/api/alarms", "viewer", "open alarms, or all that came in a time", alarms,
           {**SPAN, **STATION, **TEXT, "kind": {"type": "string", "enum": list(ALARM_KINDS)},
            "part_of": {"type": "integer", "description": "only of the fault that is this alarm"}}),

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Files that take long, each made by a process of its own: `python -m openrtu_tools.centre.exports`.
 
-It reads one order (JSON) from its input, reads the database, and writes the file to its output. Its parent
-passes the octets on, so no page waits for a file.
+It reads one order (JSON) from its input, reads the database, and writes the file to its output, and to stderr
+which part is done, and what went wrong. Its parent passes the octets on, so no page waits for a file.
 """
 
 from __future__ import annotations
@@ -10,7 +10,11 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import resource
+import signal
+import stat
 import sys
+import time
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any
@@ -26,8 +30,28 @@ from openrtu_tools.centre.trends import trend
 ROWS_AT_ONCE = 2000  # what is in memory
 STRETCH_NS = 60 * 10**9
 NICENESS = 10  # values come first
+ROOM = 4  # a file takes this part of what is free on its disk at most
 POINTS_MOST = 1000  # so many are looked for point by point; of more, all of a time is read
 
+TELL_S = 0.5
+
+
+class Progress:
+    """Tells which part is done; of several parts, one after the other."""
+
+    def __init__(self) -> None:
+        self.tell: Callable[[float], None] | None = None  # of a process of its own
+        self.parts, self.done = 1, 0
+        self._told = 0.0
+
+    def at(self, part: float) -> None:
+        now = time.monotonic()
+        if self.tell and now - self._told > TELL_S:
+            self._told = now
+            self.tell((self.done + part) / self.parts)
+
+
+progress = Progress()
 Rows = AsyncIterator[list[Row]]
 Text = AsyncIterator[str]
 
@@ -53,6 +77,7 @@ async def rows_of_time(store: Store, sql: str, key: str, begin: int, end: int, *
         else:
             after = until, INTEGER_MOST
             stretch *= 2
+        progress.at((after[0] - begin) / max(1, end - begin))
 
 
 async def track(store: Store, point: int, begin: int, end: int, step_ns: int) -> AsyncIterator[list[Place]]:
@@ -87,7 +112,8 @@ async def tracks(
 ) -> Text:
     """A whole file of the ways of vehicles."""
     yield writer.begin()
-    for id_, name in names.items():
+    for number, (id_, name) in enumerate(names.items()):
+        progress.parts, progress.done = len(names), number
         yield writer.track(name, id_)
         async for places in track(store, id_, begin, end, step_ns):
             yield writer.places(places)
@@ -187,11 +213,28 @@ async def _write(order: Json) -> None:
         store.close()
 
 
+def _leave_room() -> None:
+    """The database may be on the same disk, and comes first."""
+    file = sys.stdout.fileno()
+    if stat.S_ISREG(os.fstat(file).st_mode):
+        disk = os.fstatvfs(file)
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # it is told as an error
+        most, allowed = disk.f_bavail * disk.f_frsize // ROOM, resource.getrlimit(resource.RLIMIT_FSIZE)[0]
+        if allowed == resource.RLIM_INFINITY or allowed > most:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
+
+
+def _tell(part: float) -> None:
+    print(f"{part:.4f}", file=sys.stderr, flush=True)
+
+
 def main() -> int:
     os.nice(NICENESS)
     line = sys.stdin.buffer.readline()
     if not line:
         return 0  # nobody needed it
+    _leave_room()
+    progress.tell = _tell
     try:
         asyncio.run(_write(json.loads(line)))
         sys.stdout.buffer.flush()
@@ -200,6 +243,9 @@ def main() -> int:
     except CentreError as error:
         print(error, file=sys.stderr)
         return 1
+    except OSError as error:
+        print(f"no room for the file: {error}", file=sys.stderr, flush=True)
+        os._exit(1)  # for the same reason
     return 0
 
 

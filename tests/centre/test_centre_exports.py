@@ -6,6 +6,7 @@ import contextlib
 import csv
 import io
 import os
+import resource
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -44,8 +45,10 @@ def events(names: dict[int, tuple[str, str]]) -> dict[str, Any]:
 
 
 async def made(files: Makers, order: dict[str, Any]) -> list[dict[str, str]]:
-    async with files.make(order) as pieces:
-        text = b"".join([piece async for piece in pieces]).decode()
+    new = files.begin(order, "vera", "events", "events.csv")
+    with files.reading(new):
+        text = b"".join([piece async for piece in new.read(0)]).decode()
+    assert new.state == "whole" and new.size == len(text.encode()) and new.part == 1
     return list(csv.DictReader(io.StringIO(text)))
 
 
@@ -93,25 +96,99 @@ def test_file_whose_process_was_killed_is_no_file(database: Path | str) -> None:
 
     async def work(files: Makers) -> None:
         await made(files, events({1: ("north", "pump")}))
-        assert files._spare
-        os.kill((await files._spare).pid, signal.SIGKILL)
+        os.kill((await files._spares[0]).process.pid, signal.SIGKILL)
         await made(files, events({1: ("north", "pump")}))
 
     with pytest.raises(StoreError):
         with_makers(database, work)
 
 
-def test_who_leaves_ends_the_process(database: Path | str) -> None:
-    async def work(files: Makers) -> int | None:
-        await made(files, events({1: ("north", "pump")}))
-        assert files._spare
-        process = await files._spare
-        async with files.make(events({1: ("north", "pump")})) as pieces:
-            async for _ in pieces:
-                break
-        return process.returncode
+def test_file_that_nobody_reads_any_more_is_ended(
+    database: Path | str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With its process; until then whoever was cut off may come back."""
+    monkeypatch.setattr(makers, "ALONE_S", 0.05)
+    order = events({1: ("north", "pump")})
 
-    assert with_makers(database, work) is not None
+    async def work(files: Makers) -> None:
+        await made(files, order)
+        process = (await files._spares[0]).process
+        process.send_signal(signal.SIGSTOP)  # it would be done at once
+        new = files.begin(order, "vera", "other", "events.csv")
+        with files.reading(new):
+            while new.state == "waits":
+                await asyncio.sleep(0)
+            assert files.find("vera", "other") is new
+            await asyncio.sleep(3 * makers.ALONE_S)
+            assert not new.over.is_set()
+        await new.over.wait()
+        assert new.fault and files.find("vera", "other") is None
+        await process.wait()
+        with pytest.raises(StoreError):
+            _ = [piece async for piece in new.read(0)]
+        await made(files, order)  # its turn is free
+
+    with_makers(database, work)
+
+
+def test_slow_reader_keeps_nobody_waiting(database: Path | str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """More of them than files are made at once; each gets its own to the end."""
+    monkeypatch.setattr(makers, "PIECE", 100)
+    order = events({1: ("north", "pump")})
+
+    async def work(files: Makers) -> None:
+        slow = [files.begin(order, "vera", f"{n}", "events.csv") for n in range(makers.AT_ONCE + 1)]
+        with contextlib.ExitStack() as all_:
+            for each in slow:
+                all_.enter_context(files.reading(each))
+            readers = [each.read(0) for each in slow]
+            begun = [await anext(reader) for reader in readers]
+            assert len(await made(files, order)) == ROWS // 2
+            for first, reader in zip(begun, readers, strict=True):
+                rest = b"".join([piece async for piece in reader])
+                assert (first + rest).count(b"pump") == ROWS // 2
+
+    with_makers(database, work)
+
+
+def test_files_are_kept_for_a_time_and_few_of_one(
+    database: Path | str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    order = events({1: ("north", "pump")})
+
+    async def work(files: Makers) -> None:
+        for _ in range(makers.KEPT_OF_ONE + 2):
+            await made(files, order)
+        assert len(files.of("vera")) == makers.KEPT_OF_ONE
+        last = files.find("vera", "events")
+        assert last is files.of("vera")[-1]
+        assert files.find("olga", "events") is None
+        assert last
+        monkeypatch.setattr(makers, "KEPT_S", 0)
+        with files.reading(last):  # once more, for the last time
+            pass
+        while files.find("vera", "events") is last:
+            await asyncio.sleep(0)
+        assert last.file and last.file.closed
+
+    with_makers(database, work)
+
+
+def test_file_leaves_room_on_the_disk(database: Path | str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It shares the disk with the database."""
+    monkeypatch.setenv("PYTHONPATH", "")
+    order = events({1: ("north", "pump")})
+
+    async def work(files: Makers) -> str:
+        await made(files, order)
+        pid = (await files._spares[0]).process.pid
+        resource.prlimit(pid, resource.RLIMIT_FSIZE, (50_000, 50_000))
+        new = files.begin(order, "vera", "events", "events.csv")
+        await new.over.wait()
+        assert files.find("vera", "events") is not new
+        return new.fault
+
+    assert "no room" in with_makers(database, work)
 
 
 def test_database_that_is_gone_is_named(tmp_path: Path) -> None:

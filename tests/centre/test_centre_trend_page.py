@@ -251,3 +251,20 @@ def test_span_that_is_not_valid_is_seen_and_not_joined(site: Site, page: Page) -
     line = "#0a7bd6"
     assert coloured(page, line, left + 0.02, right - 0.02, 300, 8) == 0
     assert coloured(page, line, 0, left - 0.02, 300, 8) > 0.9
+
+
+def test_file_that_is_made_is_seen_and_ended(site: Site, page: Page) -> None:
+    """How far it is; a file of this history is made too soon to be seen."""
+    file = {"id": "f00", "name": "events.csv", "octets": 3 * 2**20, "begun": 1, "fault": ""}
+    said = [{**file, "state": "waits", "part": 0}, {**file, "state": "made", "part": 0.425}]
+    page.route("**/api/files", lambda route: route.fulfill(json=[said.pop(0) if len(said) > 1 else said[0]]))
+    page.reload()
+    panel = page.locator(".files")
+    expect(panel).to_contain_text("waits for its turn")
+    expect(panel).to_contain_text("42 %, 3 MiB")
+    assert panel.locator("progress").evaluate("bar => bar.value") == 0.425
+    page.unroute("**/api/files")
+    with page.expect_request("**/api/files/f00/end") as ended:
+        panel.get_by_role("button", name="Not wanted any more").click()
+    assert ended.value.method == "POST"
+    expect(panel).to_be_hidden()

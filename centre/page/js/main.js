@@ -4,6 +4,7 @@ import { reason, showAccount } from "./account.js";
 import { showAlarms } from "./alarms.js";
 import { STATE } from "./codes.js";
 import { h, modal, setText } from "./dom.js";
+import { showFiles } from "./files.js";
 import { keysButton, watchKeys } from "./keys.js";
 import * as live from "./live.js";
 import { showMap } from "./map.js";
@@ -146,6 +147,7 @@ function frame() {
       h("nav", {}, ...links),
       menu, tools, sound.button),
     banner, release, main);
+  const endFiles = showFiles(document.body);
 
   let end = () => {};
   const go = () => {
@@ -179,6 +181,7 @@ function frame() {
   addEventListener("hashchange", go);
   leave = () => {
     end();
+    endFiles();
     unwatch();
     sound.end();
     clearInterval(tick);

@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files over HTTP: one that was cut off is taken on where it was; nothing is left of a killed centre."""
+
+import contextlib
+import http.client
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from control_room import Site, Stations, described, until
+from lab.centre_client import AnswerError, Client
+from lab.vehicles import Station
+from openrtu_tools.centre.database import open_store
+from openrtu_tools.centre.settings import load
+from openrtu_tools.centre.store import Database, EventRow
+
+S = 10**9
+ROWS = 100_000  # some megabytes
+FILE = f"/api/events?format=csv&from=0&to={ROWS * 1000}"
+
+
+def seed(database: Database) -> None:
+    database.execute("INSERT INTO stations (name) VALUES ('north')")
+    database.insert("points", ["id", "station", "ca", "ioa"], [(1, 1, 1, 4)])
+    rows = [EventRow(1, n * S, n, 0, n * S, 3, 1) for n in range(ROWS)]
+    database.insert("history", EventRow._fields, rows)
+
+
+@pytest.fixture(scope="module")
+def site(
+    programs: Path, stations: Stations, north: Station, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Site]:
+    folder = tmp_path_factory.mktemp("files")
+    made = Site(programs, folder, [described(north, folder, group="water")])
+    with contextlib.closing(open_store(load(made.file).database, alone=True)) as store:
+        store.transaction(seed)
+    with made:
+        yield made
+
+
+def asked(client: Client, path: str = FILE, **headers: str) -> tuple[http.client.HTTPResponse, bytes]:
+    names = {name.replace("_", "-"): value for name, value in headers.items()}
+    return client.raw("GET", path, **names)
+
+
+def files(client: Client) -> list[dict[str, Any]]:
+    return list(client.get("/api/files"))
+
+
+def cut_off(site: Site, client: Client, octets: int) -> tuple[str, bytes]:
+    """A reader that takes so many octets and leaves."""
+    connection = http.client.HTTPConnection("127.0.0.1", site.port, timeout=60)
+    connection.request("GET", FILE, headers=client.headers)
+    response = connection.getresponse()
+    begun = response.read(octets)
+    tag = response.getheader("ETag") or ""
+    connection.close()
+    return tag, begun
+
+
+def test_rest_of_a_file_that_was_cut_off(site: Site) -> None:
+    client = site.client("vera")
+    tag, begun = cut_off(site, client, 10_000)
+    response, rest = asked(client, Range="bytes=10000-", If_Range=tag)
+    assert response.status == 206 and response.getheader("ETag") == tag
+    whole = begun + rest
+    assert response.getheader("Content-Range") == f"bytes 10000-{len(whole) - 1}/{len(whole)}"
+    assert whole.count(b"\r\n") == ROWS + 1 and whole.endswith(b",99999.0,0,3\r\n")
+    response, part = asked(client, Range="bytes=5-9")
+    assert (response.status, part) == (206, whole[5:10])
+    [last] = [each for each in files(client) if f'"{each["id"]}"' == tag]
+    assert (last["state"], last["octets"], last["part"]) == ("whole", len(whole), 1)
+
+
+def test_another_file_is_whole(site: Site) -> None:
+    """Of a tag that is not its own, of what somebody else had, and of a range that is none."""
+    client = site.client("vera")
+    tag, _ = cut_off(site, client, 100)
+    response, whole = asked(client, Range="bytes=100-", If_Range='"another"')
+    assert response.status == 200 and response.getheader("ETag") != tag
+    assert whole.count(b"\r\n") == ROWS + 1
+    for who, wanted in (
+        ("olga", "bytes=100-"),
+        ("vera", "bytes=1-2,5-6"),
+        ("vera", "octets=1-"),
+        ("vera", "bytes=-5"),
+    ):
+        response, octets = asked(site.client(who), Range=wanted)
+        assert (response.status, octets) == (200, whole), (who, wanted)
+    with pytest.raises(AnswerError) as refused:
+        asked(client, Range=f"bytes={len(whole)}-")
+    assert refused.value.status == 416
+
+
+def test_curl_goes_on_where_it_was(site: Site, tmp_path: Path) -> None:
+    client = site.client("vera")
+    target = tmp_path / "events.csv"
+    cookie = client.headers["Cookie"]
+    curl = ["curl", "-sS", "--fail", "-b", cookie, "-o", target, f"http://127.0.0.1:{site.port}{FILE}"]
+    subprocess.run(curl, check=True, timeout=120)
+    whole = target.read_bytes()
+    assert whole.count(b"\r\n") == ROWS + 1
+    for there in (1, 60_000, len(whole) - 1):
+        target.write_bytes(whole[:there])
+        subprocess.run([*curl, "-C", "-"], check=True, timeout=120)
+        assert target.read_bytes() == whole
+
+
+def test_user_sees_and_ends_only_the_own(site: Site) -> None:
+    client, other = site.client("vera"), site.client("olga")
+    asked(client)
+    newest = files(client)[-1]["id"]
+    assert newest not in [each["id"] for each in files(other)]
+    with pytest.raises(AnswerError, match="404"):
+        other.post(f"/api/files/{newest}/end")
+    client.post(f"/api/files/{newest}/end")
+    assert newest not in [each["id"] for each in files(client)]
+    response, _ = asked(client, Range="bytes=5-9")
+    assert response.status in (200, 206)  # of an earlier one, or anew
+
+
+def test_nothing_is_left_of_a_centre_that_was_killed(site: Site) -> None:
+    asked(site.client("vera"))
+    assert site.centre
+    held = [
+        Path(f"/proc/{site.centre.pid}/fd/{each.name}")
+        for each in Path(f"/proc/{site.centre.pid}/fd").iterdir()
+    ]
+    children = Path(f"/proc/{site.centre.pid}/task/{site.centre.pid}/children").read_text().split()
+    assert any("deleted" in str(each.readlink()) for each in held if each.is_symlink())
+    assert children  # one waits for the next file
+    site.kill(site.centre)
+    assert {each.name for each in site.folder.iterdir() if each.name.startswith("tmp")} == set()
+    until(lambda: not any(Path(f"/proc/{pid}/cmdline").exists() for pid in children), "no process is left")
+    site.start_centre()
+    assert files(site.client("vera")) == []
