@@ -8,7 +8,7 @@ SHELL := bash
 MAKEFLAGS += --no-print-directory
 # Containers set it to stay small. Here each of some thousand starts of Python would compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
-.PHONY: help setup tools build centre centre-page wheels site release install man codes deb containers dtb qemu uboot linux linux-debug image-debian update image-buildroot image-offline source unit compile asan cross musl fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom cves legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-debug-kernel test-offline test-sanitizers test-native test-user test-changed test busy soak lab run run-native twin bench bench-polls bench-map clean netboot distclean
+.PHONY: help setup tools build centre centre-page wheels site release install man codes deb containers dtb qemu uboot linux linux-debug image-debian update image-buildroot image-offline source unit compile asan cross musl fuzzers fuzz checkout menuconfig linux-menuconfig savedefconfig sdk newer sbom cves legal-info check-image lint test-quick test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre test-linux test-debug-kernel test-offline test-sanitizers test-native test-user test-changed test busy soak lab run run-native twin bench bench-polls bench-map bench-pictures clean netboot distclean
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
@@ -755,6 +755,9 @@ bench-polls: build .compared $(TESTED) ## Maintain: of the bench the polls of po
 
 bench-map: build centre-page build/packages-centre.done $(TESTED) ## Maintain: frames a second of the control centre's map
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/frames.py
+
+bench-pictures: build centre-page build/packages-centre.done $(TESTED) ## Maintain: frames a second of a process picture
+	PYTHONPATH=scripts $(PYTHON) $(BENCH)/picture_frames.py
 
 bench: build .compared qemu uboot build/root/gateway-tls.done build/net-snmp-agent/done $(TESTED) ## Maintain: measure ours beside what else does it (docs/bench.md; LIB60870=folder)
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/bench.py

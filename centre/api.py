@@ -15,9 +15,10 @@ from typing import Any
 
 from aiohttp import web
 
-from openrtu_tools.centre import accounts, exports, formats, outbox, rates
+from openrtu_tools.centre import accounts, exports, formats, outbox, pictures, rates
 from openrtu_tools.centre.alarms import NETWORK, view_for
 from openrtu_tools.centre.codes import Cause
+from openrtu_tools.centre.drawing import Drawing
 from openrtu_tools.centre.errors import RefusedError, StoreError
 from openrtu_tools.centre.exports import STRETCH_NS
 from openrtu_tools.centre.formats import Writer
@@ -224,6 +225,7 @@ async def me(asked: Asked) -> Json:
         "gap_s": asked.centre.settings.gap_s,
         "zone": asked.centre.settings.zone,
         "tiles": asked.centre.settings.tiles is not None,
+        "pictures": asked.centre.settings.pictures is not None,
         **asked.centre.state(),
     }
 
@@ -618,6 +620,29 @@ def _audit_filter(asked: Asked) -> tuple[str, list[Any]]:
     return where, values
 
 
+def _drawn(asked: Asked, name: str, drawing: Drawing) -> Json | None:
+    """Who does not see all its stations does not see a picture: its lines would tell of them."""
+    names = pictures.resolve(drawing, asked.centre.model)
+    if all(asked.sees(station) for station in names.stations):
+        return pictures.view(name, drawing, names)
+    return None
+
+
+async def drawings(asked: Asked) -> list[Json]:
+    found = await asyncio.to_thread(asked.centre.pictures.drawings)
+    drawn = [_drawn(asked, name, drawing) for name, drawing in found.items()]
+    return [{key: each[key] for key in ("name", "title")} for each in drawn if each]
+
+
+async def drawing(asked: Asked) -> Json:
+    name = asked.path["name"]
+    found = await asyncio.to_thread(asked.centre.pictures.drawing, name)
+    drawn = _drawn(asked, name, found) if found else None
+    if not drawn:
+        raise RefusedError(404, "unknown", f"there is no picture {name}")
+    return drawn
+
+
 async def openapi(asked: Asked) -> Json:
     return document()
 
@@ -652,6 +677,8 @@ ROUTES = [
           answer="application/geo+json"),
     Route("GET", "/api/tracks", "viewer", "ways of vehicles; a gap begins a new segment", tracks,
           {**SPAN, **FORMAT, "point": {"type": "integer"}, "step": STEP}, answer="application/geo+json"),
+    Route("GET", "/api/pictures", "viewer", "the process pictures", drawings),
+    Route("GET", "/api/pictures/{name}", "viewer", "one: its SVG, what its elements are bound to", drawing),
     Route("GET", "/api/areas", "viewer", "the areas of the map", areas),
     Route("GET", "/api/files", "viewer", "the user's files, made or kept, and how far they are", files),
     Route("POST", "/api/files/{id}/end", "viewer", "such a file is not wanted any more", end_file),

@@ -23,6 +23,7 @@ from openrtu_tools.centre.intake import Intake
 from openrtu_tools.centre.keep import Keeper
 from openrtu_tools.centre.makers import Makers
 from openrtu_tools.centre.model import Alarm, Changes, Command, Json, Model, Point, Station
+from openrtu_tools.centre.pictures import Pictures
 from openrtu_tools.centre.records import ENDED
 from openrtu_tools.centre.settings import Keep, Settings
 from openrtu_tools.centre.store import Database, audit
@@ -74,6 +75,7 @@ class Centre:
         self.fault = ""  # why nothing can be stored now
         self.ending = False  # nothing more is stored: what is stranded then, the next start ends
         self.makers = Makers(settings.database)
+        self.pictures = Pictures(settings.pictures)
         self._sockets: dict[int, socket.socket] = {}  # by shard of rtu-centre
         self._ids = count(REQUEST_IDS)
         self._tasks: set[asyncio.Task[None]] = set()

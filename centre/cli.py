@@ -38,6 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     token.add_argument("--days", type=float, default=365, help="how long it is good [365]")
     gateway = verbs.add_parser("web-users", help="print the users for the page of a station's gateway")
     gateway.add_argument("station", help="only those who see it")
+    checking = verbs.add_parser("check", help="say what is wrong with process pictures")
+    checking.add_argument("pictures", nargs="*", type=Path, help="SVG files [those of the folder]")
     verbs.add_parser("station", help="print the gateway's configuration that a higher centre is served by")
 
 

@@ -260,6 +260,7 @@ CENTRE = {
     "zone": {"type": "string"},
     "proxies": {"type": "array", "items": {"type": "string"}},
     "map": {"type": "string"},
+    "pictures": {"type": "string"},
     "tls": TLS,
     "areas": {"type": "array", "items": AREA},
     "alarms": ALARMS,
@@ -541,6 +542,7 @@ class Settings:
     zone: str = "UTC"
     alarms: AlarmRules = field(default_factory=AlarmRules)
     notify: Notify | None = None
+    pictures: Path | None = None  # the folder of process pictures
 
     @property
     def sockets(self) -> list[Path]:
@@ -598,6 +600,7 @@ def load(path: Path) -> Settings:
         zone.read(own.get("zone")),
         alarms,
         _notify(own["notify"], folder) if "notify" in own else None,
+        _pictures(own.get("pictures"), folder),
     )
 
 
@@ -700,6 +703,16 @@ def _tiles(wanted: str | None, folder: Path) -> Path | None:
     if begin != PMTILES:
         raise CentreError(f"map: {path} is no PMTiles file of version 3: convert it with `pmtiles convert`")
     return path
+
+
+def _pictures(wanted: str | None, folder: Path) -> Path | None:
+    """What the file names must be there; the folder pictures beside it is taken when it is."""
+    path = folder / (wanted or "pictures")
+    if path.is_dir():
+        return path
+    if wanted:
+        raise CentreError(f"pictures: {path} is no folder")
+    return None
 
 
 def _areas(wanted: list[Json]) -> tuple[Area, ...]:

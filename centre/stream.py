@@ -21,7 +21,7 @@ QUIET_S = 5.0
 MESSAGE_MOST = 4096  # a page says which view it shows, and nothing else
 VALUES_PERIOD_S = 0.1  # of a program that watches values
 VALUES_MOST = 20_000  # that wait for it
-VIEWS = ("map", "points", "alarms", "stations", "values")
+VIEWS = ("map", "points", "alarms", "stations", "values", "pictures")
 LISTS = ("stations", "points", "gone", "alarms", "commands", "values")
 SEARCH_MOST = 64  # characters
 
@@ -35,6 +35,7 @@ class View:
     bounds: tuple[float, float, float, float] | None = None  # south, west, north, east
     chosen: int = 0  # a point
     search: str = ""
+    picture: str = ""  # of the view "pictures"
 
     @classmethod
     def read(cls, message: Any) -> View:
@@ -43,8 +44,11 @@ class View:
             raise ValueError(f"a view is one of {', '.join(VIEWS)}")
         numbers = [message.get(key, 0) for key in ("station", "chosen")]
         bounds, search = message.get("bounds"), message.get("search", "")
-        if not all(isinstance(number, int) for number in numbers) or not isinstance(search, str):
-            raise ValueError("station and chosen are numbers, search is a text")
+        picture = message.get("picture", "")
+        if not all(isinstance(number, int) for number in numbers) or not all(
+            isinstance(text, str) for text in (search, picture)
+        ):
+            raise ValueError("station and chosen are numbers, search and picture are texts")
         if bounds is not None and not (
             isinstance(bounds, list)
             and len(bounds) == 4
@@ -52,7 +56,7 @@ class View:
         ):
             raise ValueError("bounds are south, west, north and east")
         where = None if bounds is None else tuple(map(float, bounds))
-        return cls(message["view"], numbers[0], where, numbers[1], search[:SEARCH_MOST].casefold())
+        return cls(message["view"], numbers[0], where, numbers[1], search[:SEARCH_MOST].casefold(), picture)
 
     def has(self, latitude: float, longitude: float) -> bool:
         """The map goes round: west may be less than -180, and east more than 180.
@@ -74,6 +78,7 @@ class Stream:
         self.centre = centre
         self.socket = socket
         self.view = View()
+        self.bound: frozenset[int] = frozenset()  # the points of the picture that it shows
         self.whole = False  # it shows another view, and knows nothing of it
         self.looked = False  # it shows another part of the view
         self.waiting: dict[str, set[int]] = {kind: set() for kind in ("stations", "points")}
@@ -96,6 +101,8 @@ class Stream:
             shown = True
         elif view.name == "points":
             shown = point.station == view.station
+        elif view.name == "pictures":
+            shown = point.id in self.bound
         else:
             shown = view.name == "map" and point.is_position and self._on_map(point)
         return shown and self.sees(point.station)
@@ -114,11 +121,13 @@ class Stream:
         return point.place is not None and self.view.has(*point.place)
 
     def shows_station(self, station: Station, with_points: set[int]) -> bool:
-        """On the map those that have a place there, and those of what is shown."""
+        """On the map those that have a place there, and those of what is shown; of a picture these alone."""
         if not self.session.sees(station):
             return False
-        if self.view.name != "map" or station.id in with_points:
+        if self.view.name not in ("map", "pictures") or station.id in with_points:
             return True
+        if self.view.name == "pictures":
+            return False
         place = station.settings.location
         return place is not None and (
             self.view.has(*place)
@@ -134,7 +143,7 @@ class Stream:
             self.waiting["stations"] |= changes.stations.keys()
         else:
             self.waiting["stations"] |= linked
-        if view in ("map", "points"):
+        if view in ("map", "points", "pictures"):
             self.waiting["points"] |= changes.points.keys()
         elif view == "values":
             self._take_values(changes)
@@ -160,9 +169,10 @@ class Stream:
     def look(self, message: Any) -> None:
         """The page shows another view, and is told all of it once; or another part: what is new of it."""
         view = View.read(message)
-        if (view.name, view.station) != (self.view.name, self.view.station):
+        if (view.name, view.station, view.picture) != (self.view.name, self.view.station, self.view.picture):
             self.whole = True
         self.view = view
+        self.bound = self.centre.pictures.points(view.picture, self.centre.model)
         self.looked = True
         self.something.set()
 

@@ -16,6 +16,7 @@ from typing import NoReturn
 
 from aiohttp import web
 
+from nuc980.errors import UnusableInput
 from openrtu_tools.centre import gateways, higher, second, settings, users
 from openrtu_tools.centre.api import ROUTES
 from openrtu_tools.centre.centre import Centre
@@ -24,6 +25,7 @@ from openrtu_tools.centre.database import open_store
 from openrtu_tools.centre.entrance import Entrance
 from openrtu_tools.centre.errors import CentreError
 from openrtu_tools.centre.notify import Notifier
+from openrtu_tools.centre.pictures import check_links, check_names, load
 from openrtu_tools.centre.push import Pusher
 from openrtu_tools.centre.store import Database
 from openrtu_tools.centre.web import Server
@@ -117,6 +119,22 @@ def give_web_users(what: settings.Settings, station: str) -> None:
     print("\n".join(lines))
 
 
+def check_pictures(what: settings.Settings, files: list[Path]) -> int:
+    """Prints each mistake with its file and line. Returns the exit code."""
+    if not files and not what.pictures:
+        raise UnusableInput("there is no picture: name one, or their folder in the centre's file")
+    found = 0
+    for file in files or sorted(what.pictures.glob("*.svg") if what.pictures else ()):
+        drawing = load(file)
+        named = check_names(drawing, what) + check_links(drawing, file.parent)
+        for mistake in sorted([*drawing.mistakes, *named], key=lambda each: each.line):
+            found += 1
+            print(f"{file}:{mistake.line}: {mistake.text}")
+        if drawing.is_refused:
+            print(f"{file}: it is not shown")
+    return 1 if found else 0
+
+
 def give_station(what: settings.Settings) -> None:
     """Prints it; what is left out is said beside it."""
     configuration, left_out = higher.gateway(what)
@@ -153,6 +171,8 @@ def run(parsed: argparse.Namespace) -> int:
         give_web_users(what, parsed.station)
     elif parsed.verb == "station":
         give_station(what)
+    elif parsed.verb == "check":
+        return check_pictures(what, parsed.pictures)
     elif parsed.start:
         start_collector(what)
     else:

@@ -63,6 +63,8 @@ REACH = [
     ("docs/centre.md", "tests/test_centre.py"),
     ("docs/control-centre.md", "test-centre"),
     ("docs/operators-day.md", "tests/centre/test_operators_day.py"),
+    ("docs/process-pictures.md", "tests/centre/test_centre_picture_check.py"),
+    ("docs/examples/pictures/*", "tests/centre/test_centre_picture_check.py"),
     ("docs/concentrator.md", "tests/test_outstations*.py"),
     ("docs/examples/concentrator.json", "lint tests/test_outstations.py"),
     ("docs/traps.md", "tests/test_station_traps.py"),

@@ -16,6 +16,8 @@ const TAKEN = {
   "maplibre-gl/dist/maplibre-gl-worker.mjs": "maplibre-gl-worker.mjs",
   "maplibre-gl/dist/maplibre-gl.css": "maplibre-gl.css",
   "maplibre-gl/LICENSE.txt": "maplibre-gl.LICENSE.txt",
+  "dompurify/dist/purify.es.mjs": "purify.mjs",
+  "dompurify/LICENSE": "purify.LICENSE.txt",
   "uplot/dist/uPlot.esm.js": "uplot.mjs",
   "uplot/dist/uPlot.min.css": "uplot.css",
   "uplot/LICENSE": "uplot.LICENSE.txt",

@@ -28,6 +28,7 @@ from lab.errors import LabError
 from lab.fleet import CA, Vehicle, driving, vehicle
 from lab.gateway import REPOSITORY, Gateway, default_build, free_port, listening_on, remove, run_directory
 from lab.linesim import LineSim
+from lab.process import Plant, named
 from lab.roads import WAYS
 from lab.show import DEADLINE_S, configuration, say, start_gateway, start_lines, tcp_port
 from lab.verdict import Verdict, run
@@ -44,7 +45,11 @@ COUNTED = {
     "Mumbai-Pune": "era_corrected",
 }
 TIMELY_S = 60.0  # a busy host is late
-PLANTS = {"substation Beograd": (44.79, 20.52, "Srbija"), "substation Niš": (43.34, 21.87, "Srbija")}
+PLANTS = {
+    "substation Beograd": (44.79, 20.52, "Srbija"),
+    "pumping station Niš": (43.34, 21.87, "Srbija"),
+}
+PICTURES = REPOSITORY / "docs" / "examples" / "pictures"
 ALARMS = {
     "feeder10.protection-trip": {"state": 1, "priority": 1},
     "meter.door-open": {"state": 1, "priority": 3},
@@ -90,23 +95,12 @@ def unheard_port() -> Iterator[int]:
 def plant(directory: Path, verdict: Verdict) -> Iterator[tuple[LineSim, Gateway]]:
     """The gateway of chapter 5 with its devices, some of which change."""
     directory.mkdir(mode=0o755)
-    config = listening_on(configuration(), free_port())
+    config = listening_on(named(configuration()), free_port())
     with contextlib.ExitStack() as stack:
         file = directory / "linesim.json"
         file.write_text(json.dumps(config))
         lines = start_lines(stack, directory, file, verdict)
         yield lines, start_gateway(stack, directory, config, verdict)
-
-
-def live(lines: LineSim, ended: threading.Event) -> None:
-    """The devices measure."""
-    number = 0
-    while not ended.wait(3.0):
-        number += 1
-        swing = (number * 37) % 23 - 11
-        with contextlib.suppress(LabError):
-            lines.set("3.67", "input_registers", 0, 1495 + swing)
-            lines.set("3.35", "input_registers", 0, 215 + swing // 3)
 
 
 # ---- the centre ----------------------------------------------------------------------------------
@@ -350,13 +344,12 @@ def show(port: int, keep: bool, verdict: Verdict) -> None:
             cas = [1010, 2020, 3035, 3067, 3155, 3201, 4040]
             keys = {"points": f"{gateway.config_file}", "alarms": ALARMS, "location": [latitude, longitude]}
             stations.append(described(name, gateway.address[1], cas, group=group, **keys))
-            threading.Thread(target=live, args=(lines, ended), daemon=True).start()
+            threading.Thread(target=Plant(lines).run, args=(ended,), daemon=True).start()
             first = first or lines
         stack.callback(ended.set)
         file = directory / "centre.json"
-        file.write_text(
-            json.dumps({"stations": stations, "retry_ms": 500, "centre": {"port": port, "areas": AREAS}})
-        )
+        centre = {"port": port, "areas": AREAS, "pictures": f"{PICTURES}"}
+        file.write_text(json.dumps({"stations": stations, "retry_ms": 500, "centre": centre}))
         client = start_centre(stack, file, directory, port, verdict)
         assert first
         for number, step in enumerate(STEPS, 1):

@@ -96,6 +96,7 @@ class LineSim:
         self._socket: socket.socket | None = None
         self._reader: threading.Thread | None = None
         self._answers: queue.Queue[str | None] = queue.Queue()
+        self._asking = threading.Lock()  # an answer is of the command before it, whichever thread asked
         self._records: deque[Record] = deque(maxlen=FRAMES_KEPT)
         self._news = threading.Condition()
         self._last_number = 0
@@ -171,8 +172,9 @@ class LineSim:
         if self._socket is None:
             raise LineSimError("linesim is not running: call start() first")
         try:
-            self._socket.sendall(text.encode() + b"\n")
-            answer = self._answers.get(timeout=ANSWER_TIMEOUT_S)
+            with self._asking:
+                self._socket.sendall(text.encode() + b"\n")
+                answer = self._answers.get(timeout=ANSWER_TIMEOUT_S)
         except (OSError, queue.Empty) as error:
             raise LineSimError(
                 f"no answer to `{text}`: linesim hangs or is gone ({error!r})",

@@ -8,6 +8,7 @@ import { showFiles } from "./files.js";
 import { keysButton, watchKeys } from "./keys.js";
 import * as live from "./live.js";
 import { showMap } from "./map.js";
+import { showPictures } from "./pictures.js";
 import { showPoints } from "./points.js";
 import { horn } from "./sound.js";
 import { showStations } from "./stations.js";
@@ -16,7 +17,7 @@ import { showUsers } from "./users.js";
 import { chosen, LANGUAGES, speak, t, time } from "./words.js";
 import { chosenZone, zones } from "./zone.js";
 
-const VIEWS = { map: showMap, points: showPoints, alarms: showAlarms, stations: showStations, trends: showTrends, users: showUsers };
+const VIEWS = { map: showMap, points: showPoints, alarms: showAlarms, stations: showStations, trends: showTrends, pictures: showPictures, users: showUsers };
 const NEEDS = { users: "engineer" }; // all others are for everybody
 const REFUSED = ["no_role", "name_taken", "provider", "disabled", "somebody_else"]; // by a provider's login, with words of their own
 let leave = () => {};
@@ -131,7 +132,7 @@ function frame() {
   const count = h("span", { class: "count", hidden: true });
   const clock = h("span", { class: "clock" });
   const sound = horn();
-  const views = Object.keys(VIEWS).filter((name) => live.may(NEEDS[name] ?? "viewer"));
+  const views = Object.keys(VIEWS).filter((name) => live.may(NEEDS[name] ?? "viewer") && (name !== "pictures" || live.session.pictures));
   const links = views.map((name) => h("a", { href: `#${name}` }, t(name)));
   links[2].append(count);
   const heading = h("h1", { class: "visually-hidden" });
