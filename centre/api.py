@@ -631,7 +631,7 @@ def _drawn(asked: Asked, name: str, drawing: Drawing) -> Json | None:
 async def drawings(asked: Asked) -> list[Json]:
     found = await asyncio.to_thread(asked.centre.pictures.drawings)
     drawn = [_drawn(asked, name, drawing) for name, drawing in found.items()]
-    return [{key: each[key] for key in ("name", "title")} for each in drawn if each]
+    return [{key: each[key] for key in ("name", "title", "version")} for each in drawn if each]
 
 
 async def drawing(asked: Asked) -> Json:

@@ -43,7 +43,8 @@ REFERRED = {
 }  # fmt: skip
 ELEMENTS = SHAPES | REFERRED | {"svg", "g", "title", "desc", "style"}
 WITH_TEXT = {"text", "tspan", "title", "desc", "style"}
-LEFT_OUT = {"metadata", "view"}
+LEFT_OUT = {"metadata", "view", "filter"}
+FILTER = re.compile(r"fe(?!Image)[A-Z]\w*")  # a part of one
 WHY = {
     "script": "a picture runs nothing",
     "foreignObject": "a picture is no page",
@@ -53,7 +54,6 @@ WHY = {
     "set": "a picture moves by its values alone",
     "animateTransform": "a picture moves by its values alone",
     "animateMotion": "a picture moves by its values alone",
-    "filter": "filters (blur, shadow) are too slow: draw without them",
     "textPath": "write the text without a path, or make it a path",
 }
 _PROPERTIES = """
@@ -99,6 +99,7 @@ class Drawing:
     """What the page gets, and what is wrong."""
 
     title: str = ""
+    version: str = ""  # of its file
     markup: str = ""
     css: str = ""
     bound: list[Json] = field(default_factory=list)  # by the number in data-bound
@@ -229,7 +230,9 @@ class _Reader:
 
     def _look_at_left_out(self, space: str, tag: str, given: dict[str, str]) -> None:
         """It is not drawn; what runs is refused there, too: it was put there on purpose."""
-        if space == SVG and tag not in ELEMENTS | LEFT_OUT:
+        if (space, tag) == (SVG, "filter"):
+            self._mistake("<filter> is left out: blurs and shadows are too slow")
+        if space == SVG and tag not in ELEMENTS | LEFT_OUT and not FILTER.fullmatch(tag):
             self._refuse_element(tag)
         for name in given:
             if " " not in name and name.lower().startswith("on"):

@@ -29,7 +29,7 @@ class Pictures:
 
     def __init__(self, folder: Path | None) -> None:
         self.folder = folder
-        self.read: dict[Path, tuple[tuple[int, int], Drawing]] = {}
+        self.read: dict[Path, Drawing] = {}
 
     def files(self) -> dict[str, Path]:
         """By name: a picture is only found by looking what is there."""
@@ -49,14 +49,15 @@ class Pictures:
     def _drawing(self, path: Path) -> Drawing:
         try:
             state = path.stat()
-            version = state.st_mtime_ns, state.st_size
+            version = f"{state.st_mtime_ns}-{state.st_size}"
             known = self.read.get(path)
-            if known and known[0] == version:
-                return known[1]
+            if known and known.version == version:
+                return known
             drawing = load(path)
         except OSError as error:
             return Drawing(mistakes=[Mistake(1, f"{error.strerror}", refused=True)])
-        self.read[path] = version, drawing
+        drawing.version = version
+        self.read[path] = drawing
         return drawing
 
     def points(self, name: str, model: Model) -> frozenset[int]:
@@ -121,6 +122,7 @@ def view(name: str, drawing: Drawing, names: Names) -> Json:
     return {
         "name": name,
         "title": drawing.title or name,
+        "version": drawing.version,
         "svg": drawing.markup,
         "css": drawing.css,
         "bound": drawing.bound,

@@ -145,6 +145,7 @@ def test_what_is_too_large_or_no_picture_is_refused(picture: str) -> None:
         ('<rect data-point="a/b" data-rotate="4: 0; 0: 90"/>', "this takes two values or more"),
         ('<rect data-point="a/b" data-move="0: 0; 1: 9"/>', "not a value and 2 numbers"),
         ('<rect data-point="a/b" data-pivot="middle"/>', "this takes two numbers"),
+        ('<filter id="a"><feGaussianBlur stdDeviation="3"/></filter>', "<filter> is left out"),
         ('<rect data-command=""/>', "data-command without a name"),
         ('<defs><rect data-point="a/b"/></defs>', "<rect> is not drawn here by itself"),
     ],

@@ -4,12 +4,13 @@
 import json
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote, urlsplit
 
 import pytest
-from playwright.sync_api import Browser, Locator, Page, Route, expect
+from playwright.sync_api import Browser, CDPSession, Locator, Page, Route, expect
 
 from browser import LIMIT_MS, chromium, log_in
 from control_room import PASSWORD, Site, Stations, described, until
@@ -300,6 +301,42 @@ def test_who_may_not_command_has_no_dialogue(browser: Browser, site: Site, asked
         expect(page.locator(".told button")).to_have_count(0)
 
 
+def touched(session: CDPSession, kind: str, *points: tuple[float, float]) -> None:
+    at = [{"x": left, "y": top, "id": number} for number, (left, top) in enumerate(points)]
+    session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": at})
+
+
+def test_a_finger_commands_and_a_finger_that_drags_does_not(
+    browser: Browser, site: Site, asked: list[str], stations: Stations, north: Station
+) -> None:
+    keys = {"viewport": {"width": 390, "height": 780}, "has_touch": True, "is_mobile": True}
+    for page in opened(browser, site, asked, "olga", **keys):
+        say(stations, north)
+        show(page, "plant")
+        expect(part(page, "word")).to_have_text("stands")
+        box = part(page, "lamp").bounding_box()
+        assert box
+        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        fingers = partial(touched, page.context.new_cdp_session(page))
+        fingers("touchStart", (x, y))
+        fingers("touchMove", (x + 30, y + 10))
+        fingers("touchMove", (x + 60, y + 20))
+        fingers("touchEnd")
+        assert page.locator("dialog").count() == 0
+        view = page.locator(".drawing svg").get_attribute("viewBox")
+        assert view != "0 0 100 100"
+        page.get_by_role("button", name="Show all of it").tap()
+        fingers("touchStart", (100, 400), (200, 400))
+        fingers("touchMove", (80, 400), (240, 400))
+        fingers("touchMove", (60, 400), (280, 400))
+        fingers("touchEnd")
+        wide = str(page.locator(".drawing svg").get_attribute("viewBox")).split()[2]
+        assert 30 < float(wide) < 70
+        page.get_by_role("button", name="Show all of it").tap()
+        part(page, "lamp").tap()
+        expect(page.locator("dialog h2")).to_have_text("Command: pump")
+
+
 def test_pictures_lead_to_each_other(plant: Page) -> None:
     part(plant, "more").focus()
     plant.keyboard.press("Enter")
@@ -407,6 +444,20 @@ def test_a_file_that_changes_is_read_again(site: Site) -> None:
     assert client.get("/api/pictures/new")["title"] == "the second"
     path.unlink()
     assert "new" not in {each["name"] for each in client.get("/api/pictures")}
+
+
+def test_a_screen_that_stays_open_shows_the_picture_as_it_is_now(page: Page, site: Site) -> None:
+    path = site.folder / "pictures" / "new.svg"
+    try:
+        path.write_text(f'{PLAIN}<title>first</title><text id="a" y="20">one</text></svg>')
+        show(page, "new")
+        expect(part(page, "a")).to_have_text("one")
+        path.write_text(f'{PLAIN}<title>second</title><text id="a" y="20">another</text></svg>')
+        expect(part(page, "a")).to_have_text("another")
+        expect(page.locator(".picture h2")).to_have_text("second")
+        expect(page.locator(".list")).to_contain_text("second")
+    finally:
+        path.unlink()
 
 
 # ---- hostile ones --------------------------------------------------------------------------------

@@ -20,6 +20,7 @@ export function showPictures(main, _, argument = "") {
   let every = true; // all is to be shown, and not only what has changed
   let frame = 0;
   let chosen = null; // the number of a binding
+  let listed = ""; // what the centre has, as it said it last
   const waiting = new Set();
 
   const list = h("ul", { class: "list" });
@@ -28,7 +29,7 @@ export function showPictures(main, _, argument = "") {
   const wrong = h("div", { class: "wrong", role: "alert", hidden: true });
   const tools = [["zoom_in", "+", () => shown?.zoom.by(1.25)], ["zoom_out", "−", () => shown?.zoom.by(0.8)], ["zoom_fit", "⤢", () => shown?.zoom.fit()]]
     .map(([key, sign, onclick]) => h("button", { title: t(key), "aria-label": t(key), onclick }, sign));
-  const about = h("div", { class: "row told", role: "status" });
+  const about = h("div", { class: "row told" });
   const stage = h("div", { class: "stage" }, host);
   main.append(h("div", { class: "side", role: "navigation", "aria-label": t("pictures") }, list),
     h("div", { class: "picture" }, h("div", { class: "row top" }, title, h("span", { class: "grow" }), h("div", { class: "zoom" }, ...tools)), wrong, stage, about));
@@ -38,6 +39,7 @@ export function showPictures(main, _, argument = "") {
   async function start() {
     const all = await live.ask("pictures");
     if (ended) return;
+    listed = JSON.stringify(all);
     list.replaceChildren(...all.map(({ name, title: text }) => h("li", {},
       h("button", { "data-name": name, onclick: () => (location.hash = `#pictures/${encodeURIComponent(name)}`) }, h("span", { class: "name" }, text)))));
     if (!all.length) stage.replaceChildren(empty(t("no_pictures"), t("no_pictures_more")));
@@ -80,7 +82,18 @@ export function showPictures(main, _, argument = "") {
       h("details", {}, h("summary", {}, t("what_is_wrong")), h("ul", {}, ...said.map((each) => h("li", {}, each)))));
   }
 
+  // A screen of a control room is never loaded again: a picture that has changed, or is new, is shown by itself.
+  async function lookForOthers() {
+    const all = await live.ask("pictures").catch(() => null);
+    if (ended || !all || JSON.stringify(all) === listed) return;
+    shown?.zoom.end();
+    shown = null;
+    stage.replaceChildren(host);
+    await start().catch(failed);
+  }
+
   async function lookAgain() {
+    await lookForOthers();
     if (ended || !shown || !Object.keys(shown.picture.unknown).length) return;
     const picture = await live.ask(`pictures/${encodeURIComponent(wanted)}`).catch(() => null);
     if (ended || !picture || picture.svg !== shown.picture.svg || JSON.stringify(picture.points) === JSON.stringify(shown.picture.points)) return;
