@@ -40,3 +40,15 @@ def test_page_makes_no_markup_of_text() -> None:
         assert not re.search(
             r"innerHTML|outerHTML|insertAdjacent|document\.write|\beval\(", file.read_text()
         ), file
+
+
+def test_each_name_that_a_module_imports_is_exported() -> None:
+    """One that is not leaves the whole page blank."""
+    for file in (PAGE / "js").glob("*.js"):
+        for names, other in re.findall(
+            r'^import {([^}]*)} from "\./(\w+\.js)"', file.read_text(), re.MULTILINE
+        ):
+            exported = set(re.findall(r"^export (?:async )?(?:function\*?|const|let|class) (\w+)",
+                                      (PAGE / "js" / other).read_text(), re.MULTILINE))  # fmt: skip
+            wanted = {name.split(" as ")[0].strip() for name in names.split(",") if name.strip()}
+            assert wanted <= exported, (file.name, other, wanted - exported)

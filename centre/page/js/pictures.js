@@ -2,10 +2,9 @@
 // Process pictures: their list, one of them live, and commands from it. docs/process-pictures.md.
 import { Bindings, saidOf } from "./bound.js";
 import { commandDialogue } from "./command.js";
-import { fill, h, state } from "./dom.js";
+import { empty, fill, h, state } from "./dom.js";
 import { draw, svg } from "./drawing.js";
 import * as live from "./live.js";
-import { empty } from "./points.js";
 import { valueText } from "./quality.js";
 import { t, time } from "./words.js";
 import { Zoom } from "./zoom.js";
