@@ -89,7 +89,7 @@ def frames(seconds: int) -> Iterator[str]:
         with Site(default_build(), folder, here, PAGE.parent, users=["vera"]) as site, chromium() as browser:
             page = browser.new_context(viewport=SIZE, color_scheme="light").new_page()
             log_in(page, site.port, "vera", PASSWORD, "pictures/large")
-            last = f".drawing [aria-label='p{ELEMENTS - 1}: {ELEMENTS % 100} , good']"
+            last = f".drawing [aria-label='p{ELEMENTS - 1}: {ELEMENTS % 100}, good']"
             page.wait_for_selector(last, state="attached")
             ended = threading.Event()
 

@@ -46,7 +46,7 @@ def main() -> None:
         take(page, "command")
         page.keyboard.press("Escape")
         page.evaluate("location.hash = 'pictures/substation-bay'")
-        page.locator(".drawing #p-qa1[aria-label$=good]").wait_for()
+        page.locator(".drawing #p-qa1[aria-label*=good]").wait_for()
         take(page, "bay")
         page.keyboard.press("7")
         page.get_by_role("button", name="Audit").click()

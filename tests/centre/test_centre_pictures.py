@@ -17,6 +17,7 @@ from control_room import PASSWORD, Site, Stations, described, until
 from hostile_pictures import HOSTILE, ODD, PLAIN
 from lab.centre_client import AnswerError
 from lab.vehicles import INVALID, M_ME_TF_1, M_SP_TB_1, Station, measured, single
+from test_centre_lists import AXE, CHECK, NARROW, PHONE, WIDE
 
 pytestmark = pytest.mark.slow
 
@@ -43,7 +44,8 @@ PLANT = (
 <rect id="float" data-point="north/1.4" x="85" y="40" width="5" height="2" data-move="0: 0 0; 4: 0 -30"/>
 <text id="ghost" data-point="north/ghost" x="5" y="90" data-text="{value}"/>
 <text id="fire" data-point="north/fire" x="60" y="90" data-visible="1">FIRE</text>
-<g id="more" data-picture="other &amp; more"><rect x="40" y="70" width="10" height="10"/></g>
+<g id="more" data-picture="other &amp; more"><rect x="40" y="70" width="10" height="10"/>
+  <text x="40" y="78">More</text></g>
 </svg>"""
 )
 
@@ -227,7 +229,8 @@ def test_what_is_not_good_is_seen(
 ) -> None:
     say(stations, north, 2.0, quality, pump=True)
     expect(part(plant, "level")).to_have_attribute("aria-label", f"level: 2 m, {word}")
-    expect(part(plant, "pump")).to_have_attribute("aria-label", f"pump: on , {word}")
+    label = f"pump: on, {word} · {'?' if quality == INVALID else 'runs'}"
+    expect(part(plant, "pump")).to_have_attribute("aria-label", label)
     assert marks(plant).count(kind) >= 5
     decoration = "line-through" if quality == INVALID else "none"
     assert decoration in part(plant, "level").evaluate("one => getComputedStyle(one).textDecoration")
@@ -413,6 +416,18 @@ def test_nothing_of_it_lies_beside_the_screen(
         assert box["width"] >= width * 0.7
         assert box["height"] >= 250
         assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("size", [WIDE, PHONE], ids=["wide", "phone"])
+def test_axe_finds_nothing_in_a_picture(
+    browser: Browser, site: Site, asked: list[str], size: dict[str, int], scheme: str
+) -> None:
+    for page in opened(browser, site, asked, "olga", viewport=size, color_scheme=scheme):
+        show(page, "plant")
+        expect(part(page, "level")).to_contain_text("level")
+        page.evaluate(AXE.read_text())
+        assert page.evaluate(CHECK) + page.evaluate(NARROW) == []
 
 
 # ---- who sees what -------------------------------------------------------------------------------

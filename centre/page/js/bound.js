@@ -88,6 +88,13 @@ export const SHOWN = {
   },
 };
 
+// Its name for who hears the picture. Who commands by voice says what is written on it.
+export function call(element, text) {
+  const written = element.hasAttribute("data-acts") ? [...element.querySelectorAll("text")].map((each) => each.textContent.trim()).join(" ") : "";
+  const name = written ? `${text} · ${written}` : text;
+  if (element.getAttribute("aria-label") !== name) element.setAttribute("aria-label", name);
+}
+
 // An element with its binding.
 class Bound {
   constructor(element, binding) {
@@ -194,11 +201,10 @@ export class Bindings {
   update(ids, points) {
     for (const id of ids) {
       const point = points.get(id);
-      for (const number of this.byPoint.get(id) ?? []) {
-        const said = saidOf(point, this.picture.unknown[this.nameOf(number)]);
-        this.all[number].show(point, said);
-        if (this.picture.bound[number].owner === number) this.mark(this.all[number], point, said, this.nameOf(number));
-      }
+      const numbers = this.byPoint.get(id) ?? [];
+      const said = (number) => saidOf(point, this.picture.unknown[this.nameOf(number)]);
+      for (const number of numbers) this.all[number].show(point, said(number));
+      for (const number of numbers) if (this.picture.bound[number].owner === number) this.mark(this.all[number], point, said(number), this.nameOf(number));
     }
   }
 
@@ -214,8 +220,8 @@ export class Bindings {
       one.sign.setAttribute("class", said.kind);
       one.sign.setAttribute("d", SHAPES[said.kind]);
     }
-    const text = point ? `${point.name}: ${valueText(point)} ${point.unit}, ${said.word}` : `${name}: ${said.word}`;
-    if (one.element.getAttribute("aria-label") !== text) one.element.setAttribute("aria-label", text);
+    const text = point ? `${point.name}: ${`${valueText(point)} ${point.unit}`.trim()}, ${said.word}` : `${name}: ${said.word}`;
+    call(one.element, text);
   }
 
   // A position grows old by itself.

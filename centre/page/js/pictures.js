@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Process pictures: their list, one of them live, and commands from it. docs/process-pictures.md.
-import { Bindings, saidOf } from "./bound.js";
+import { Bindings, call, saidOf } from "./bound.js";
 import { commandDialogue } from "./command.js";
 import { empty, fill, h, state } from "./dom.js";
 import { draw, svg } from "./drawing.js";
@@ -120,9 +120,9 @@ export function showPictures(main, _, argument = "") {
       if (!one || (owner !== number && !picture && command === undefined)) return;
       one.element.setAttribute("tabindex", "0");
       one.element.setAttribute("role", picture ? "link" : command === undefined ? "img" : "button");
-      if (owner !== number) one.element.setAttribute("aria-label", picture ? t("picture_open", { name: picture }) : command);
       if (picture || command !== undefined) {
         one.element.setAttribute("data-acts", "");
+        if (owner !== number) call(one.element, picture ? t("picture_open", { name: picture }) : command);
         if (one.element.localName === "g") one.element.prepend(svg("rect", { ...one.area, fill: "none", "pointer-events": "all" })); // a finger is no needle
       }
     });
