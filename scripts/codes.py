@@ -25,7 +25,11 @@ MADE = "Made by `make codes` from the headers of C; do not edit."
 ROW = re.compile(r'ROW\((\w+), (?:(\w+), )?"([^"]*)"(?:, "([^"]*)")?')
 WHY = re.compile(r"/\* (.*?) \*/")
 ENUMERATOR = re.compile(r"(\w+)(?: = ([^,/]+))?,? *(?:/\* (.*?) \*/)?")
-MIB_WORDS = {"timeout": "timeOut", "float": "shortFloat"}  # by the word that its name would give
+MIB_WORDS = {
+    "timeout": "timeOut",
+    "float": "shortFloat",
+    "clock": "clockSet",
+}  # by the word that its name would give
 MIB_WIDTH, MIB_INDENT = 72, 20
 BCR_BITS = {"carry": 0x04, "adjusted": 0x02}  # of a counter's reading: RtuQuality has them, too
 
@@ -95,6 +99,14 @@ class Tree:
             if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == name:
                 return ast.literal_eval(node.value)
         raise SystemExit(f"{path}: no {name}")
+
+
+def _replaced(text: str, pattern: str, made: str, count: int = 1) -> str:
+    """What the pattern finds behind its first group is another; 0: as often as it is there."""
+    text, found = re.subn(pattern, lambda here: here[1] + made, text, count=count, flags=re.DOTALL)
+    if not found:
+        raise SystemExit(f"there is no place for {made.splitlines()[0]} …: nothing is like {pattern}")
+    return text
 
 
 def _number(text: str) -> int:
@@ -267,12 +279,18 @@ def mib(tree: Tree) -> str:
     def numbered(table: Table) -> list[tuple[str, int]]:
         return [(_mib_word(code.name), code.number + 1) for code in table]
 
+    def own(path: str, enum: str, prefix: str) -> list[tuple[str, int]]:
+        return [(_mib_word(code.name), code.number) for code in tree.enumeration(path, enum, prefix)]
+
     syntaxes = {
         "RtuInformationType": ("INTEGER", numbered(tree.types())),
         "RtuQuality": ("BITS", _mib_quality(tree.rows("MAP_QUALITIES"))),
         "RtuCommandPhase": ("INTEGER", numbered(tree.rows("MAP_COMMAND_STATES"))),
         "RtuCommandReason": ("INTEGER", numbered(tree.rows("MAP_COMMAND_RESULTS", "MAP_RESULT_"))),
         "RtuProcessState": ("INTEGER", numbered(tree.rows("MAP_MODULE_STATES", "MAP_MODULE_"))),
+        "rtuEventCause": ("INTEGER", numbered(tree.rows("MAP_CAUSES"))),
+        "rtuEventKind": ("INTEGER", own(SRC + "snmp/shared.h", "snmp_event_kind", "SNMP_EVENT_")),
+        "rtuCommandProtocol": ("INTEGER", own(SRC + "snmp/agent.h", "snmp_protocol", "SNMP_BY_")),
     }
     for name, (syntax, words) in syntaxes.items():
         listed = ", ".join(f"{word}({number})" for word, number in words)
@@ -282,14 +300,11 @@ def mib(tree: Tree) -> str:
             initial_indent=" " * 4,
             subsequent_indent=" " * MIB_INDENT,
         )
-        text = re.sub(
-            rf"({name} ::= TEXTUAL-CONVENTION\n.*?\n)    SYNTAX[^}}]*}}",
-            rf"\g<1>{wrapped}",
-            text,
-            count=1,
-            flags=re.DOTALL,
-        )
-    return text
+        head = rf"({name} (?:::= TEXTUAL-CONVENTION|OBJECT-TYPE)\n(?:.*?\n)??)"
+        text = _replaced(text, rf"{head}    SYNTAX[^}}]*}}", wrapped)
+    most = re.search(r"#define MAP_MODULES_MAX +(\d+)", tree.read(SRC + "map/config.h"))
+    assert most, "map/config.h says how many modules there are at most"
+    return _replaced(text, r"(rtuModuleIndex OBJECT-TYPE\n    SYNTAX      Unsigned32 \(1\.\.)\d+", most[1])
 
 
 # ---- openrtu.h -----------------------------------------------------------------------------------
@@ -321,13 +336,12 @@ def header(tree: Tree) -> str:
     width = max(len(code.name) for code in qualities)
     lines = [(f"#define OPENRTU_{code.name:{width}} 0x{code.number:02x}u", code.why) for code in qualities]
     defines = "\n".join(_aligned(lines)) + "\n"
-    text = re.sub(r"#define OPENRTU_GOOD .*?\n(?=\n)", lambda _: defines, text, count=1, flags=re.DOTALL)
+    text = _replaced(text, r"()#define OPENRTU_GOOD .*?\n(?=\n)", defines)
     for name, table in {
         "openrtu_state": tree.rows("MAP_COMMAND_STATES"),
         "openrtu_result": tree.rows("MAP_COMMAND_RESULTS", "MAP_RESULT_"),
     }.items():
-        made = _enum(name, table)
-        text = re.sub(rf"enum {name} \{{\n.*?\n\}};", lambda _, to=made: to, text, count=1, flags=re.DOTALL)
+        text = _replaced(text, rf"()enum {name} \{{\n.*?\n\}};", _enum(name, table))
     return text
 
 
@@ -338,7 +352,7 @@ def _with_types(tree: Tree, text: str, quote: str) -> str:
     """Where all types are listed, those that there are. The standard's alone stand in other lists."""
     words = [f"{quote}{code.words}{quote}" for code in tree.types()]
     begin = ", ".join(words[: len(tree.rows("MAP_STANDARD_TYPES")) + 1])
-    return re.sub(rf"{re.escape(begin)}(, {quote}\w+{quote})*", ", ".join(words), text)
+    return _replaced(text, rf"(){re.escape(begin)}(?:, {quote}\w+{quote})*", ", ".join(words), count=0)
 
 
 def schema(tree: Tree) -> str:
@@ -358,7 +372,7 @@ def consumer(tree: Tree) -> str:
         sorted(tree.rows("MAP_QUALITIES"), key=lambda code: code.number),
     ):
         words = [f"{code.number} {code.name.lower().replace('_', ' ')}" for code in table]
-        text = re.sub(rf"(?<=: ){words[0]}(, \d+ [a-z]+( [a-z]+)*)+", ", ".join(words), text, count=1)
+        text = _replaced(text, rf"(: ){words[0]}(?:, \d+ [a-z]+(?: [a-z]+)*)+", ", ".join(words))
     return text
 
 

@@ -271,7 +271,13 @@ enum snmp_command_column {
 	SNMP_COMMAND_LEFT,
 };
 
-enum snmp_protocol { SNMP_BY_NONE = 1, SNMP_BY_SNMP, SNMP_BY_IEC104, SNMP_BY_LOCAL, SNMP_BY_OTHER };
+enum snmp_protocol {
+	SNMP_BY_NONE = 1,
+	SNMP_BY_SNMP,
+	SNMP_BY_IEC104,
+	SNMP_BY_LOCAL,
+	SNMP_BY_OTHER,
+};
 
 void snmp_commands_begin(struct snmp_agent *agent);
 /* Ends what has ended by itself. True: a command is ours. */
