@@ -35,6 +35,7 @@ ON_BOARD = (  # the gateway there
 )
 NETBOOT = "test-netboot tests/twin/test_uboot.py test-linux test-bench"  # who boots over the debug UART
 TREE = "tests/test_tree.py"  # it reads every file
+CODES = "tests/test_codes.py tests/test_codes_added.py"  # what is made from C's numbers
 PIP = "lint tests/test_pip_install.py tests/test_tools_mistakes.py"
 SITE = "tests/test_pages.py tests/centre/test_pages_site.py"
 ALL = f"{C} fuzzers test-sanitizers {' '.join(TARGETS.values())}"
@@ -49,7 +50,8 @@ REACH = [
     ("scripts/site-source.py", f"lint {SITE}"),
     ("docs/site/*", SITE),
     ("docs/security.md", "tests/test_entrances.py"),
-    ("docs/configuration.md", "tests/test_config.py"),
+    ("docs/configuration.md", f"tests/test_config.py {CODES}"),
+    ("docs/development.md", "tests/test_codes_added.py"),
     ("docs/first-device.md", "tests/test_docs_commands.py"),
     (
         "docs/examples/first-device.json",
@@ -60,7 +62,7 @@ REACH = [
     ("docs/faults.md", "tests/test_line_faults.py"),
     ("docs/telecontrol.md", "tests/test_event_journal.py tests/test_retained.py tests/test_station_tls*.py"),
     ("docs/positioning.md", "tests/test_station_position.py"),
-    ("docs/centre.md", "tests/test_centre.py"),
+    ("docs/centre.md", f"tests/test_centre.py {CODES}"),
     ("docs/control-centre.md", "test-centre"),
     ("docs/operators-day.md", "tests/centre/test_operators_day.py"),
     ("docs/process-pictures.md", "tests/centre/test_centre_picture_check.py"),
@@ -119,7 +121,7 @@ REACH = [
     ),
     (
         "package/openrtu/src/centre/*",
-        f"{C} fuzzers test-centre tests/test_centre.py tests/test_fuzz.py tests/test_installation.py",
+        f"{C} fuzzers test-centre tests/test_centre.py tests/test_fuzz.py tests/test_installation.py {CODES}",
     ),
     (
         "package/openrtu/src/*web/*",
@@ -129,14 +131,16 @@ REACH = [
     ("package/openrtu/src/*", f"{C} fuzzers {DESK} {ON_BOARD}"),
     (
         "package/openrtu/python/*",
-        "lint tests/test_foreign*.py tests/test_version.py tests/centre/test_centre_higher.py",
+        f"lint tests/test_foreign*.py tests/test_version.py tests/centre/test_centre_higher.py {CODES}",
     ),
     ("package/openrtu/debian/*", "tests/test_debian_packages.py"),
     ("package/openrtu/container/*", "lint tests/test_containers.py tests/centre/test_compose.py"),
     ("package/openrtu/openrtu.mk", f"test-image tests/test_version.py {ON_BOARD}"),
     ("package/openrtu/*", f"test-image {ON_BOARD}"),
     # the control centre
-    ("centre/*", f"{PIP} test-centre tests/bench/test_store.py"),
+    ("centre/codes.py", f"{PIP} test-centre {CODES} tests/test_centre.py tests/test_position_object.py"),
+    ("centre/apdu.py", f"{PIP} test-centre tests/test_asdu_decoders.py"),
+    ("centre/*", f"{PIP} test-centre tests/bench/test_store.py {CODES}"),
     ("scripts/lab/centre_*.py", "lint test-centre"),
     ("scripts/lab/vehicles.py", "lint test-centre"),
     ("scripts/lab/fleet.py", "lint test-centre"),
@@ -150,6 +154,7 @@ REACH = [
     ),
     ("scripts/block-plots.py", "lint tests/test_logic_blocks.py"),
     ("scripts/openrtu_tools/points.py", f"{PIP} tests/test_points.py tests/test_config.py"),
+    ("scripts/openrtu_tools/codes.py", f"{PIP} test-centre {CODES} tests/test_logic*.py tests/test_snmp.py"),
     ("scripts/openrtu_tools/scl.py", f"{PIP} tests/test_iec61850_cid.py"),
     ("scripts/openrtu_tools/snmp_keys.py", f"{PIP} tests/test_snmp*.py"),
     ("scripts/openrtu_tools/web_users.py", f"{PIP} tests/test_web.py tests/centre/test_web_page.py"),
