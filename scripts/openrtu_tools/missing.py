@@ -30,6 +30,8 @@ def what_to_type(error: ModuleNotFoundError, extra: str) -> str:
         command = "apt install python3-openrtu, or install its wheel (docs/writing-a-module.md)"
     elif in_clone():
         command = f"make -C {CLONE} tools"
+    elif of_debian() and extra == "oidc":
+        command = "pipx install 'openrtu-tools[centre,oidc]' (Debian's Authlib is too old)"
     elif of_debian():
         command = f"apt install {DEBIAN.get(package, f'python3-{package}')}"
     else:

@@ -4,6 +4,7 @@
 import base64
 import http.client
 import json
+import os
 import subprocess
 import sys
 import time
@@ -17,7 +18,7 @@ from urllib.parse import parse_qs, quote, urlencode, urlsplit
 import pytest
 from joserfc.jwk import RSAKey
 
-from control_room import PASSWORD, Site, until
+from control_room import PASSWORD, ROOT, Site, until
 from hostile_provider import CLIENT, SECRET, Hostile, challenge
 from lab.centre_client import LIMIT_S, AnswerError, Client
 from openrtu_tools.centre.settings import load
@@ -651,6 +652,24 @@ def test_the_file_says_who_is_believed(tmp_path: Path, more: dict[str, Any], say
     file.write_text(json.dumps({"stations": [], "centre": {"oidc": content}}))
     with pytest.raises(Exception, match=says):
         load(file)
+
+
+def test_who_has_no_provider_needs_no_authlib() -> None:
+    """And who has one is told what to type."""
+    script = """
+import sys
+sys.modules.update(dict.fromkeys(("authlib", "joserfc")))
+from openrtu_tools.centre import verbs, web
+from openrtu_tools.centre.errors import CentreError
+try:
+    web.provided(None, None)
+except CentreError as error:
+    print(error)
+"""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT / "scripts")}
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("the Python package authlib is missing; type: ")
 
 
 def test_the_clients_secret_is_nobody_elses(tmp_path: Path) -> None:

@@ -32,6 +32,7 @@ struct http_site {
 	struct web_tries tries;
 	struct web_used used[WEB_STEPS_MAX];
 	int64_t reviewed_ns; /* when the file of users was looked at last */
+	bool no_users;       /* and could not be read */
 	int64_t now_ns;
 };
 

@@ -70,7 +70,9 @@ void login_review(struct http_site *site)
 		return;
 	site->reviewed_ns = site->now_ns;
 	file = open_users(site);
-	web_sessions_review(&site->sessions, file);
+	if (file != NULL || site->no_users) /* one that is exchanged is not there for a moment */
+		web_sessions_review(&site->sessions, file);
+	site->no_users = file == NULL;
 	if (file != NULL)
 		fclose(file);
 }
