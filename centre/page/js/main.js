@@ -3,7 +3,7 @@
 import { reason, showAccount } from "./account.js";
 import { showAlarms } from "./alarms.js";
 import { STATE } from "./codes.js";
-import { h, modal, setText } from "./dom.js";
+import { h, modal, setText, shape } from "./dom.js";
 import { showFiles } from "./files.js";
 import { keysButton, watchKeys } from "./keys.js";
 import * as live from "./live.js";
@@ -137,8 +137,8 @@ function frame() {
   links[2].append(count);
   const heading = h("h1", { class: "visually-hidden" });
   const main = h("main", { id: "main", tabIndex: -1 });
-  const account = h("button", { id: "account", title: live.session.user, "aria-haspopup": "dialog", onclick: showAccount }, t("account"));
-  const user = h("button", { id: "logout", title: `${live.session.user} · ${live.session.role}`, onclick: logOut }, t("logout"));
+  const account = h("button", { id: "account", title: live.session.user, "aria-haspopup": "dialog", onclick: showAccount }, shape("person"), h("span", {}, t("account")));
+  const user = h("button", { id: "logout", title: `${live.session.user} · ${live.session.role}`, onclick: logOut }, shape("leave"), h("span", {}, t("logout")));
   const tools = h("div", { class: "tools", id: "tools" }, clock, zoneChoice(frame), languages(frame), themeButton(), keysButton(views), account, user);
   const menu = h("button", { id: "menu", "aria-label": t("menu"), "aria-expanded": "false", "aria-controls": "tools",
     onclick: () => menu.setAttribute("aria-expanded", String(tools.classList.toggle("open"))) }, "☰");
