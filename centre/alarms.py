@@ -64,13 +64,17 @@ def of_one_fault(lost: Iterable[Alarm], network: Alarm | None, rules: AlarmRules
     return together if len(together) >= rules.network_stations else []
 
 
-def view_for(alarm: Alarm, is_limited: bool) -> Json | None:
+def seen(alarm: Alarm, is_limited: bool) -> Alarm | None:
     """Who is limited to groups sees no fault of the whole network, but each station that is lost."""
     if not is_limited:
-        return alarm.view()
+        return alarm
     if alarm.kind == NETWORK:
         return None
-    return replace(alarm, suppressed_by=None).view() if alarm.kind == LOST else alarm.view()
+    return replace(alarm, suppressed_by=None) if alarm.kind == LOST else alarm
+
+
+def views(alarms: Iterable[Alarm], is_limited: bool) -> list[Json]:
+    return [each.view() for alarm in alarms if (each := seen(alarm, is_limited))]
 
 
 # ---- in a transaction ----------------------------------------------------------------------------

@@ -16,7 +16,7 @@ from typing import Any
 from aiohttp import web
 
 from openrtu_tools.centre import accounts, exports, formats, outbox, pictures, rates
-from openrtu_tools.centre.alarms import NETWORK, view_for
+from openrtu_tools.centre.alarms import NETWORK, seen, views
 from openrtu_tools.centre.codes import Cause
 from openrtu_tools.centre.drawing import Drawing
 from openrtu_tools.centre.errors import RefusedError, StoreError
@@ -450,8 +450,7 @@ async def alarms(asked: Asked) -> list[Json]:
             and kind in ("", alarm.kind)
             and (points is None or _tells(asked, alarm, points, text))
         ]
-    views = [view_for(alarm, bool(asked.session.groups)) for alarm in found]
-    return [view for view in views if view]
+    return views(found, bool(asked.session.groups))
 
 
 def _kind(asked: Asked) -> str:
@@ -494,13 +493,14 @@ async def _past_alarms(asked: Asked) -> list[Alarm]:
 
 async def alarm_rates(asked: Asked) -> Json:
     """Of the last 24 hours."""
-    seen = asked.stations()
-    alarms = [alarm for alarm in asked.centre.model.alarms.values() if alarm.station in seen]
-    return await rates.rates(asked.centre.store, time.time_ns(), list(seen), alarms)
+    stations, limited = asked.stations(), bool(asked.session.groups)
+    own = [alarm for alarm in asked.centre.model.alarms.values() if alarm.station in stations]
+    alarms = [each for alarm in own if (each := seen(alarm, limited))]
+    return await rates.Rates(asked.centre.store, time.time_ns(), list(stations), limited).told(alarms)
 
 
 def _is_for(asked: Asked, alarm: Alarm) -> bool:
-    return asked.sees(alarm.station) and view_for(alarm, bool(asked.session.groups)) is not None
+    return asked.sees(alarm.station) and seen(alarm, bool(asked.session.groups)) is not None
 
 
 def _alarm_id(asked: Asked) -> int:

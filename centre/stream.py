@@ -11,7 +11,7 @@ from typing import Any
 
 from aiohttp import WSMsgType, web
 
-from openrtu_tools.centre.alarms import view_for
+from openrtu_tools.centre.alarms import views
 from openrtu_tools.centre.centre import Centre
 from openrtu_tools.centre.model import Alarm, Changes, Json, Point, Station
 from openrtu_tools.centre.users import Session
@@ -154,9 +154,8 @@ class Stream:
         self.something.set()
 
     def _views(self, alarms: dict[int, Alarm]) -> list[Json]:
-        limited = bool(self.session.groups)
-        views = [view_for(alarm, limited) for alarm in alarms.values() if self.sees(alarm.station)]
-        return [view for view in views if view]
+        own = (alarm for alarm in alarms.values() if self.sees(alarm.station))
+        return views(own, bool(self.session.groups))
 
     def _take_values(self, changes: Changes) -> None:
         """Who is too slow for them is told the last ones."""

@@ -106,6 +106,9 @@ def test_fault_of_the_network_is_one_alarm_with_its_stations(
     walter = site.client("walter")
     assert kinds(walter) == ["lost", "lost"]
     assert [each["kind"] for each in walter.get("/api/alarms?from=0")] == ["lost", "lost"]
+    rates = walter.get("/api/alarms/rates")
+    assert [each["kind"] for each in rates["top"]] == ["lost", "lost"]
+    assert (rates["standing"], rates["suppressed"]) == (2, 0)
     with pytest.raises(AnswerError) as refused:
         walter.post(f"/api/alarms/{network['id']}/acknowledge")
     assert refused.value.code == "gone"

@@ -2,6 +2,7 @@
 """When an alarm comes and goes, and of which other one it is a part; in either store."""
 
 import contextlib
+import json
 import struct
 import time
 from collections.abc import Iterator
@@ -12,10 +13,11 @@ import pytest
 from openrtu_tools.centre import alarms as module
 from openrtu_tools.centre.codes import INVALID, TAGGED, Cause, Content, Kind, Link
 from openrtu_tools.centre.database import open_store
+from openrtu_tools.centre.errors import CentreError
 from openrtu_tools.centre.intake import Intake
 from openrtu_tools.centre.model import Alarm
 from openrtu_tools.centre.records import Record
-from openrtu_tools.centre.settings import AlarmClass, AlarmRules, Meaning, StationSettings
+from openrtu_tools.centre.settings import AlarmClass, AlarmRules, Meaning, StationSettings, load
 from openrtu_tools.centre.store import Database, Store
 from postgres import Server
 
@@ -103,6 +105,27 @@ class Room:
 
     def rows(self, sql: str) -> list[tuple[object, ...]]:
         return self.store.transaction(lambda database: [tuple(row) for row in database.execute(sql)])
+
+
+def test_classes_are_of_the_file(tmp_path: Path) -> None:
+    """A point names one in the station's alarms or in its list; one that is not there is refused."""
+    (tmp_path / "points.csv").write_text(
+        "ca,ioa,name,high,deadband,class\n1,1,flow,5,,flow\n1,2,level,5,0.1,\n1,3,door,,,\n"
+    )
+    station = {"name": "north", "points": "points.csv", "alarms": {"door": {"state": 1, "class": "slow"}}}
+    classes = {"flow": {"on_s": 10, "deadband": 0.5}, "slow": {"off_s": 3}, "high": {"deadband": 9}}
+    file = tmp_path / "centre.json"
+    content = {"stations": [station], "centre": {"alarms": {"network_stations": 7, "classes": classes}}}
+    file.write_text(json.dumps(content))
+    found = load(file)
+    rules, (flow, level, door) = found.alarms, found.stations["north"].points.values()
+    assert (rules.network_stations, rules.network_s) == (7, 60)
+    assert [rules.deadband("high", meaning) for meaning in (flow, level)] == [0.5, 0.1]
+    assert [rules.of("high", flow).on_s, rules.of("state", door).off_s, rules.of("lost").on_s] == [10, 3, 0]
+    del classes["slow"]
+    file.write_text(json.dumps(content))
+    with pytest.raises(CentreError, match="door: class: there is no slow"):
+        load(file)
 
 
 # ---- deadband and delays -----------------------------------------------------------------------------
