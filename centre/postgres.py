@@ -209,9 +209,16 @@ MIGRATIONS = (
         point BIGINT NOT NULL, shift INTEGER NOT NULL, slot BIGINT NOT NULL,
         PRIMARY KEY (point, shift, slot)
     );
-    CREATE INDEX unrolled_slot ON unrolled (shift, slot);
-    INSERT INTO unrolled SELECT DISTINCT point, 38, at_ns >> 38 FROM history;
-    INSERT INTO unrolled SELECT DISTINCT point, 44, slot >> 6 FROM unrolled;
+    """,
+    """
+    DROP TABLE unrolled; -- which marked parts of slots, too
+    DELETE FROM rollup;
+    CREATE TABLE unrolled (
+        point BIGINT NOT NULL, slot BIGINT NOT NULL,
+        PRIMARY KEY (point, slot)
+    );
+    CREATE INDEX unrolled_slot ON unrolled (slot);
+    INSERT INTO unrolled SELECT DISTINCT point, at_ns >> 44 FROM history;
     """,
     """
     ALTER TABLE alarms ADD COLUMN suppressed_by BIGINT;

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the history was in each slot of time, so that years are drawn without reading them.
 
-A slot is 2^38 ns (4.6 min), and one above it 2^44 ns (4.9 h). One that is not in `unrolled` is summed up in
-`rollup`, exactly as the history has it; of one that is, the history itself must be read. Whoever adds to the
-history or takes away from it marks the slots in the same transaction; the rest is done when there is time.
+A slot is 2^44 ns (4.9 h); one in which much came has its parts of 2^38 ns (4.6 min), too. One that is not in
+`unrolled` is summed up in `rollup`, exactly as the history has it; of one that is, the history itself must be
+read. Whoever adds to the history or takes away from it marks the slots in the same transaction; the rest is
+done when there is time.
 """
 
 from __future__ import annotations
@@ -11,14 +12,14 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterable
-from itertools import pairwise
 
 from openrtu_tools.centre.codes import INVALID
 from openrtu_tools.centre.store import Database
 from openrtu_tools.codes import QUALITIES
 
-SHIFTS = (38, 44)
-POINTS_AT_ONCE = 200
+SLOT, PART = 44, 38  # powers of two, in ns
+MUCH = 1 << (SLOT - PART)  # rows of a slot; with fewer, its parts would be as many as they
+POINTS_AT_ONCE = 100
 STEP_S = 0.02  # of the writer's time
 REST_NS = 60 * 10**9  # a slot is summed up once it is over for so long
 
@@ -31,35 +32,28 @@ OF_HISTORY = (
 )
 OF_ROLLUP = f"min(low) AS low, max(high) AS high, CAST(sum(number) AS BIGINT) AS number, {QUALITY} AS quality"
 
-Slot = tuple[int, int, int]  # point, shift, number
-
-
-def slots(point: int, at_ns: int) -> list[Slot]:
-    return [(point, shift, at_ns >> shift) for shift in SHIFTS]
-
 
 def mark(database: Database, rows: Iterable[tuple[int, int]]) -> None:
     """Points and times of which the history is another one from now on."""
-    marked = {slot for point, at_ns in rows for slot in slots(point, at_ns)}
+    marked = {(point, at_ns >> SLOT) for point, at_ns in rows}
     if marked:
-        database.insert("unrolled", ("point", "shift", "slot"), sorted(marked))
+        database.insert("unrolled", ("point", "slot"), sorted(marked))
 
 
 def mark_time(database: Database, begin_ns: int, end_ns: int) -> None:
     """All of a time, of every point. What is not summed up is marked already."""
-    for shift in SHIFTS:
-        database.execute(
-            "INSERT INTO unrolled (point, shift, slot) SELECT point, shift, slot FROM rollup"
-            f" WHERE shift = {shift} AND slot BETWEEN ? AND ? ON CONFLICT DO NOTHING",
-            (begin_ns >> shift, end_ns >> shift),
-        )
+    database.execute(
+        "INSERT INTO unrolled (point, slot) SELECT point, slot FROM rollup"
+        f" WHERE shift = {SLOT} AND slot BETWEEN ? AND ? ON CONFLICT DO NOTHING",
+        (begin_ns >> SLOT, end_ns >> SLOT),
+    )
 
 
 class Rollup:
     """Of the writer's thread: which slots are marked already, and summing up."""
 
     def __init__(self) -> None:
-        self._known: set[tuple[int, int]] = set()  # marked, of the first shift: most rows are of these
+        self._known: set[tuple[int, int]] = set()  # marked
         self._new: set[tuple[int, int]] = set()  # in the transaction under way
 
     def begin(self) -> None:
@@ -70,64 +64,50 @@ class Rollup:
 
     def add(self, database: Database, rows: Iterable[tuple[int, int]]) -> None:
         """As mark, for what comes all the time."""
-        found = {(point, at_ns >> SHIFTS[0]) for point, at_ns in rows} - self._known - self._new
+        found = {(point, at_ns >> SLOT) for point, at_ns in rows} - self._known - self._new
         if found:
-            mark(database, ((point, slot << SHIFTS[0]) for point, slot in found))
+            mark(database, ((point, slot << SLOT) for point, slot in found))
             self._new |= found
 
     def step(self, database: Database, among: str, now_ns: int | None = None) -> bool:
         """Sums up some of what is marked and over; whether there is more. `among`: the store's."""
-        over_ns = (time.time_ns() if now_ns is None else now_ns) - REST_NS
+        over = ((time.time_ns() if now_ns is None else now_ns) - REST_NS) >> SLOT
         end = time.monotonic() + STEP_S
-        for below, shift in pairwise((0, *SHIFTS)):
-            while (slot := self._oldest(database, shift)) is not None and slot < over_ns >> shift:
-                self._sum(database, among, below, shift, slot)
-                if time.monotonic() > end:
-                    return True
+        while (slot := self._oldest(database)) is not None and slot < over:
+            self._sum(database, among, slot)
+            if time.monotonic() > end:
+                return True
         return False
 
     @staticmethod
-    def _oldest(database: Database, shift: int) -> int | None:
-        [(slot,)] = database.execute(f"SELECT min(slot) FROM unrolled WHERE shift = {shift}")
+    def _oldest(database: Database) -> int | None:
+        [(slot,)] = database.execute("SELECT min(slot) FROM unrolled")
         return None if slot is None else int(slot)
 
-    def _sum(self, database: Database, among: str, below: int, shift: int, slot: int) -> None:
+    def _sum(self, database: Database, among: str, slot: int) -> None:
         """Of some points."""
-        points = [
-            row[0]
-            for row in database.execute(
-                f"SELECT point FROM unrolled WHERE shift = {shift} AND slot = ? ORDER BY point LIMIT ?",
-                (slot, POINTS_AT_ONCE),
-            )
-        ]
-        if not below:
-            self._known -= {(point, slot) for point in points}
-        wanted = json.dumps(points)
-        of_slot = f"shift = {shift} AND slot = ?1 AND point {among.replace('?', '?2')}"
-        database.execute(f"DELETE FROM rollup WHERE {of_slot}", (slot, wanted))
-        source = _rollups(below, shift, among) if below else _histories(shift, among)
-        database.execute(
-            f"INSERT INTO rollup {source}", (slot << shift - below, (slot + 1 << shift - below) - 1, wanted)
-        )
-        database.execute(f"DELETE FROM unrolled WHERE {of_slot}", (slot, wanted))
+        sql = "SELECT point FROM unrolled WHERE slot = ? ORDER BY point LIMIT ?"
+        points = [row[0] for row in database.execute(sql, (slot, POINTS_AT_ONCE))]
+        self._known -= {(point, slot) for point in points}
+        these, wanted = f"point {among}", json.dumps(points)
+        first, last = slot << SLOT - PART, (slot + 1 << SLOT - PART) - 1
+        parts = f"DELETE FROM rollup WHERE shift = {PART} AND slot BETWEEN ? AND ? AND {these}"
+        database.execute(parts, (first, last, wanted))
+        database.execute(f"DELETE FROM rollup WHERE shift = {SLOT} AND slot = ? AND {these}", (slot, wanted))
+        begin, end = slot << SLOT, (slot + 1 << SLOT) - 1
+        database.execute(_summing(SLOT, these), (begin, end, wanted))
+        much = f"SELECT point FROM rollup WHERE shift = {SLOT} AND slot = ? AND {these} AND number >= {MUCH}"
+        if dense := [row[0] for row in database.execute(much, (slot, wanted))]:
+            database.execute(_summing(PART, these), (begin, end, json.dumps(dense)))
+        database.execute(f"DELETE FROM unrolled WHERE slot = ? AND {these}", (slot, wanted))
 
 
-def _histories(shift: int, among: str) -> str:
+def _summing(shift: int, these: str) -> str:
+    """Of the history between two times."""
     last = "FROM history WHERE history.point = found.point AND at_ns = last_ns ORDER BY id DESC LIMIT 1"
     return (
-        f"SELECT point, {shift}, last_ns >> {shift}, low, high, number, quality,"
+        f"INSERT INTO rollup SELECT point, {shift}, last_ns >> {shift}, low, high, number, quality,"
         f" (SELECT value {last}), (SELECT quality {last})"
         f" FROM (SELECT point, {OF_HISTORY}, max(at_ns) AS last_ns FROM history"
-        f" WHERE point {among.replace('?', '?3')}"
-        " AND at_ns BETWEEN ?1 AND ?2 GROUP BY point) AS found"
-    )
-
-
-def _rollups(below: int, shift: int, among: str) -> str:
-    return (
-        f"SELECT found.point, {shift}, last_slot >> {shift - below}, found.low, found.high, found.number,"
-        " found.quality, last_value, last_quality"
-        f" FROM (SELECT point, {OF_ROLLUP}, max(slot) AS last_slot FROM rollup WHERE shift = {below}"
-        f" AND point {among.replace('?', '?3')} AND slot BETWEEN ?1 AND ?2 GROUP BY point) AS found"
-        f" JOIN rollup ON rollup.point = found.point AND rollup.shift = {below} AND rollup.slot = last_slot"
+        f" WHERE at_ns BETWEEN ? AND ? AND {these} GROUP BY point, at_ns >> {shift}) AS found"
     )

@@ -186,9 +186,16 @@ MIGRATIONS = (
         point INTEGER NOT NULL, shift INTEGER NOT NULL, slot INTEGER NOT NULL,
         PRIMARY KEY (point, shift, slot)
     ) WITHOUT ROWID;
-    CREATE INDEX unrolled_slot ON unrolled (shift, slot);
-    INSERT INTO unrolled SELECT DISTINCT point, 38, at_ns >> 38 FROM history;
-    INSERT INTO unrolled SELECT DISTINCT point, 44, slot >> 6 FROM unrolled;
+    """,
+    """
+    DROP TABLE unrolled; -- which marked parts of slots, too
+    DELETE FROM rollup;
+    CREATE TABLE unrolled (
+        point INTEGER NOT NULL, slot INTEGER NOT NULL,
+        PRIMARY KEY (point, slot)
+    ) WITHOUT ROWID;
+    CREATE INDEX unrolled_slot ON unrolled (slot);
+    INSERT INTO unrolled SELECT DISTINCT point, at_ns >> 44 FROM history;
     """,
     """
     ALTER TABLE alarms ADD COLUMN suppressed_by INTEGER;

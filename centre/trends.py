@@ -12,7 +12,7 @@ from itertools import pairwise
 
 from openrtu_tools.centre.codes import INVALID
 from openrtu_tools.centre.model import NS_PER_MS, Json
-from openrtu_tools.centre.rollup import OF_HISTORY, OF_ROLLUP, SHIFTS
+from openrtu_tools.centre.rollup import MUCH, OF_HISTORY, OF_ROLLUP, PART, SLOT
 from openrtu_tools.centre.store import Row, Store
 
 RANGES_MOST = 16  # that one question is split into
@@ -92,7 +92,7 @@ async def _in_columns(store: Store, point: int, begin: int, end: int, most: int)
     first, last = begin >> shift, end >> shift
     before = await _before(store, point, first << shift)
     by_slot: dict[int, Row] = {}
-    async for row in _summed(store, point, shift, first << shift, (last + 1 << shift) - 1, len(SHIFTS)):
+    async for row in _summed(store, point, shift, first << shift, (last + 1 << shift) - 1):
         there = by_slot.get(row["slot"])
         by_slot[row["slot"]] = _joined(there, row) if there else row
     held = (before["value"], before["quality"]) if before else None
@@ -125,31 +125,26 @@ def _joined(a: Row, b: Row) -> Row:
     }
 
 
-async def _summed(
-    store: Store, point: int, shift: int, begin: int, end: int, levels: int
-) -> AsyncIterator[Row]:
-    """Of parts of slots, in order of time: out of the highest level that is fine enough, and of what that
-    does not have yet out of the next one below. The last one is the history itself."""
-    while levels and SHIFTS[levels - 1] > shift:
-        levels -= 1
-    if not levels:
+async def _summed(store: Store, point: int, shift: int, begin: int, end: int) -> AsyncIterator[Row]:
+    """Of parts of slots, in order of time: out of what is summed up and fine enough; what is not, out of the
+    history itself."""
+    if shift < PART:
         for row in await _of_history(store, point, shift, begin, end):
             yield row
         return
-    level = SHIFTS[levels - 1]
     marked = await store.read(
-        f"SELECT slot FROM unrolled WHERE point = ? AND shift = {level} AND slot BETWEEN ? AND ?"
-        " ORDER BY slot",
-        point, begin >> level, end >> level,
+        "SELECT slot FROM unrolled WHERE point = ? AND slot BETWEEN ? AND ? ORDER BY slot",
+        point, begin >> SLOT, end >> SLOT,
     )  # fmt: skip
     at = begin
     for first, last in _ranges([row["slot"] for row in marked]):
-        for row in await _of_rollup(store, point, shift, level, at, (first << level) - 1):
+        from_, to = max(begin, first << SLOT), min(end, (last + 1 << SLOT) - 1)
+        for row in await _of_rollup(store, point, shift, at, from_ - 1):
             yield row
-        at = last + 1 << level
-        async for row in _summed(store, point, shift, first << level, at - 1, levels - 1):
+        for row in await _of_history(store, point, shift, from_, to):
             yield row
-    for row in await _of_rollup(store, point, shift, level, at, end):
+        at = to + 1
+    for row in await _of_rollup(store, point, shift, at, end):
         yield row
 
 
@@ -166,22 +161,41 @@ def _ranges(numbers: list[int]) -> list[tuple[int, int]]:
     return list(zip(begins, ends, strict=True))
 
 
+def _with_last(found: str) -> str:
+    last = "FROM history WHERE history.point = ?1 AND at_ns = last_ns ORDER BY id DESC LIMIT 1"
+    return (
+        "SELECT part AS slot, found.low, found.high, found.number, found.quality,"
+        f" (SELECT value {last}) AS last_value, (SELECT quality {last}) AS last_quality"
+        f" FROM ({found}) AS found ORDER BY part"
+    )
+
+
 async def _of_history(store: Store, point: int, shift: int, begin: int, end: int) -> list[Row]:
-    last = "FROM history WHERE point = ?1 AND at_ns = last_ns ORDER BY id DESC LIMIT 1"
-    return await store.read(
-        f"SELECT slot, low, high, number, quality, (SELECT value {last}) AS last_value,"
-        f" (SELECT quality {last}) AS last_quality"
-        f" FROM (SELECT at_ns >> {shift} AS slot, {OF_HISTORY}, max(at_ns) AS last_ns FROM history"
-        f" WHERE point = ?1 AND at_ns BETWEEN ?2 AND ?3 GROUP BY at_ns >> {shift}) AS found ORDER BY slot",
-        point, begin, end,
-    )  # fmt: skip
+    found = (
+        f"SELECT at_ns >> {shift} AS part, {OF_HISTORY}, max(at_ns) AS last_ns FROM history"
+        f" WHERE point = ?1 AND at_ns BETWEEN ?2 AND ?3 GROUP BY at_ns >> {shift}"
+    )
+    return await store.read(_with_last(found), point, begin, end)
 
 
-async def _of_rollup(store: Store, point: int, shift: int, level: int, begin: int, end: int) -> list[Row]:
+async def _of_few(store: Store, point: int, shift: int, begin: int, end: int) -> list[Row]:
+    """Out of the slots that have no parts."""
+    of = OF_HISTORY.replace("quality", "history.quality").replace("AS history.", "AS ")
+    found = (
+        f"SELECT at_ns >> {shift} AS part, {of}, max(at_ns) AS last_ns FROM rollup CROSS JOIN history"
+        f" WHERE rollup.point = ?1 AND shift = {SLOT} AND rollup.number < {MUCH}"
+        f" AND slot BETWEEN ?2 >> {SLOT} AND ?3 >> {SLOT} AND history.point = ?1 AND at_ns BETWEEN ?2 AND ?3"
+        f" AND at_ns BETWEEN slot << {SLOT} AND (slot + 1 << {SLOT}) - 1 GROUP BY at_ns >> {shift}"
+    )
+    return await store.read(_with_last(found), point, begin, end)
+
+
+async def _of_rollup(store: Store, point: int, shift: int, begin: int, end: int) -> list[Row]:
     if begin > end:
         return []
+    level = SLOT if shift >= SLOT else PART
     up = shift - level
-    return await store.read(
+    rows = await store.read(
         "SELECT part AS slot, found.low, found.high, found.number, found.quality, last_value, last_quality"
         f" FROM (SELECT slot >> {up} AS part, {OF_ROLLUP}, max(slot) AS last_slot FROM rollup"
         f" WHERE point = ?1 AND shift = {level} AND slot BETWEEN ?2 AND ?3 GROUP BY slot >> {up}) AS found"
@@ -189,3 +203,4 @@ async def _of_rollup(store: Store, point: int, shift: int, level: int, begin: in
         " ORDER BY part",
         point, begin >> level, end >> level,
     )  # fmt: skip
+    return rows if level == SLOT else rows + await _of_few(store, point, shift, begin, end)

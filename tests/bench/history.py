@@ -65,11 +65,8 @@ def fill(store: Store, rows: int, begin_ns: int) -> None:
         last = min(first + ROWS_AT_ONCE, rows) - 1
         sql = FILL.format(first=first, last=last, begin=begin_ns, step=step, others=STATIONS * POINTS - 1)
         store.transaction(lambda database, sql=sql: database.execute(sql))
-    for sql in (
-        "INSERT INTO unrolled SELECT DISTINCT point, 38, at_ns >> 38 FROM history",
-        "INSERT INTO unrolled SELECT DISTINCT point, 44, slot >> 6 FROM unrolled",
-    ):
-        store.transaction(lambda database, sql=sql: database.execute(sql))
+    sql = "INSERT INTO unrolled SELECT DISTINCT point, at_ns >> 44 FROM history"  # as of an older database
+    store.transaction(lambda database: database.execute(sql))
 
 
 def sum_up(store: Store) -> tuple[float, float]:

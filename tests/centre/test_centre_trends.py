@@ -6,6 +6,7 @@ import contextlib
 import doctest
 import random
 import sqlite3
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from openrtu_tools.centre.database import open_store
 from openrtu_tools.centre.intake import Intake
 from openrtu_tools.centre.keep import Keeper
 from openrtu_tools.centre.records import Record
-from openrtu_tools.centre.rollup import SHIFTS, Rollup
+from openrtu_tools.centre.rollup import PART, SLOT, Rollup
 from openrtu_tools.centre.settings import Keep, StationSettings
 from openrtu_tools.centre.sqlite import MIGRATIONS
 from openrtu_tools.centre.store import EventRow, Store
@@ -136,6 +137,8 @@ def check(store: Store, chance: random.Random, since: int) -> int:
 def test_columns_say_what_a_full_scan_says(store: Store, monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
     """After each of: some came in any order, some was summed up, the oldest went."""
     monkeypatch.setattr(keep, "ROWS_AT_ONCE", 100)
+    for module in (rollup, trends):
+        monkeypatch.setattr(module, "MUCH", 8)
     chance, summed = random.Random(seed), Rollup()
     since, in_columns = END - 200 * DAY, 0
     for _ in range(3):
@@ -158,11 +161,11 @@ def test_columns_say_what_a_full_scan_says(store: Store, monkeypatch: pytest.Mon
     assert in_columns > 20
     roll(store, summed, END + 365 * DAY)
     assert not rows_of(store, "unrolled", "*")
-    kept = {
-        (point, shift, at >> shift)
-        for point, at in rows_of(store, "history", "point, at_ns")
-        for shift in SHIFTS
-    }
+    rows = rows_of(store, "history", "point, at_ns")
+    of_slot = Counter((point, at >> SLOT) for point, at in rows)
+    kept = {(point, SLOT, slot) for point, slot in of_slot}
+    kept |= {(point, PART, at >> PART) for point, at in rows if of_slot[point, at >> SLOT] >= rollup.MUCH}
+    assert {PART, SLOT} == {shift for _, shift, _ in kept}
     assert {*rows_of(store, "rollup", "point, shift, slot")} == kept
 
 
@@ -204,19 +207,19 @@ def test_what_is_stored_is_marked_until_it_is_summed_up(store: Store) -> None:
         intake.stored()
 
     def marked() -> set[int]:
-        return {slot for _, shift, slot in rows_of(store, "unrolled", "*") if shift == SHIFTS[0]}
+        return {slot for _, slot in rows_of(store, "unrolled", "*")}
 
     with pytest.raises(LookupError):
         take(1, END - 10 * S, fails=True)
     assert not marked()
     take(1, END - 10 * S)
-    assert marked() == {END - 10 * S >> SHIFTS[0]}
+    assert marked() == {END - 10 * S >> SLOT}
     take(2, 0, flags=0)
-    assert marked() == {END - 10 * S >> SHIFTS[0], END >> SHIFTS[0]}
+    assert marked() == {END - 10 * S >> SLOT, END >> SLOT}
     roll(store, intake.rollup, END + DAY)
     assert not marked()
     take(3, END - 9 * S)
-    assert marked() == {END - 9 * S >> SHIFTS[0]}
+    assert marked() == {END - 9 * S >> SLOT}
 
 
 def test_history_of_an_older_centre_is_summed_up(tmp_path: Path) -> None:
