@@ -177,7 +177,7 @@ REACH = [
     ("scripts/lab/site.py", "lint test-linux test-image"),
     (
         "scripts/lab/*",
-        f"{DESK} test-netboot test-linux tests/centre/test_centre_higher.py tests/centre/test_centre_show.py",
+        f"{DESK} test-netboot test-linux test-centre",
     ),
     ("scripts/nuc980/pins/*", "test-pins test-twin test-netboot test-linux tests/test_docs_commands.py"),
     ("scripts/nuc980-pins", "test-pins"),
