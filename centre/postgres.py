@@ -211,16 +211,6 @@ MIGRATIONS = (
     );
     """,
     """
-    DROP TABLE unrolled; -- which marked parts of slots, too
-    DELETE FROM rollup;
-    CREATE TABLE unrolled (
-        point BIGINT NOT NULL, slot BIGINT NOT NULL,
-        PRIMARY KEY (point, slot)
-    );
-    CREATE INDEX unrolled_slot ON unrolled (slot);
-    INSERT INTO unrolled SELECT DISTINCT point, at_ns >> 44 FROM history;
-    """,
-    """
     ALTER TABLE alarms ADD COLUMN suppressed_by BIGINT;
     CREATE INDEX alarms_members ON alarms (suppressed_by) WHERE suppressed_by IS NOT NULL;
     -- Each time that an alarm came; shown: neither suppressed nor shelved.
@@ -259,6 +249,16 @@ MIGRATIONS = (
     );
     CREATE INDEX outbox_waiting ON outbox (target) WHERE ended_ns IS NULL;
     CREATE TABLE told (alarm BIGINT NOT NULL, target TEXT NOT NULL, PRIMARY KEY (alarm, target));
+    """,
+    """
+    DROP TABLE unrolled; -- which marked parts of slots, too
+    DELETE FROM rollup;
+    CREATE TABLE unrolled (
+        point BIGINT NOT NULL, slot BIGINT NOT NULL,
+        PRIMARY KEY (point, slot)
+    );
+    CREATE INDEX unrolled_slot ON unrolled (slot);
+    INSERT INTO unrolled SELECT DISTINCT point, at_ns >> 44 FROM history;
     """,
 )
 

@@ -188,16 +188,6 @@ MIGRATIONS = (
     ) WITHOUT ROWID;
     """,
     """
-    DROP TABLE unrolled; -- which marked parts of slots, too
-    DELETE FROM rollup;
-    CREATE TABLE unrolled (
-        point INTEGER NOT NULL, slot INTEGER NOT NULL,
-        PRIMARY KEY (point, slot)
-    ) WITHOUT ROWID;
-    CREATE INDEX unrolled_slot ON unrolled (slot);
-    INSERT INTO unrolled SELECT DISTINCT point, at_ns >> 44 FROM history;
-    """,
-    """
     ALTER TABLE alarms ADD COLUMN suppressed_by INTEGER;
     CREATE INDEX alarms_members ON alarms (suppressed_by) WHERE suppressed_by IS NOT NULL;
     -- Each time that an alarm came; shown: neither suppressed nor shelved.
@@ -238,6 +228,16 @@ MIGRATIONS = (
     CREATE TABLE told (
         alarm INTEGER NOT NULL, target TEXT NOT NULL, PRIMARY KEY (alarm, target)
     ) WITHOUT ROWID;
+    """,
+    """
+    DROP TABLE unrolled; -- which marked parts of slots, too
+    DELETE FROM rollup;
+    CREATE TABLE unrolled (
+        point INTEGER NOT NULL, slot INTEGER NOT NULL,
+        PRIMARY KEY (point, slot)
+    ) WITHOUT ROWID;
+    CREATE INDEX unrolled_slot ON unrolled (slot);
+    INSERT INTO unrolled SELECT DISTINCT point, at_ns >> 44 FROM history;
     """,
 )
 

@@ -36,7 +36,7 @@ from openrtu_tools.centre.store import Database, Store
 
 YEARS = 3
 YEAR_NS = 31_557_600 * 10**9
-STATIONS, POINTS = 100, 10  # of each; the first point of the first has half of all rows
+STATIONS, POINTS = 10, 10  # of each; the first point of the first has half of all rows
 FILES = 16
 PAUSE_S = 0.02  # between a page's questions
 ROWS_AT_ONCE = 500_000

@@ -68,10 +68,11 @@ def rows_of(store: Store, table: str, columns: str) -> list[tuple[int, ...]]:
 
 def some(chance: random.Random, count: int, begin: int, end: int) -> list[EventRow]:
     """Dense and sparse stretches; many at the same time."""
-    middle = chance.randrange(begin, end)
+    middle = chance.randrange(begin, end - 4 * DAY)
     rows = []
     for _ in range(count):
-        at = chance.choice((chance.randrange(begin, end), middle + chance.randrange(3600) * S))
+        near = chance.choice((3600, 3 * 86400))
+        at = chance.choice((chance.randrange(begin, end), middle + chance.randrange(near) * S))
         rows.append(
             EventRow(
                 chance.choice(POINTS), at, chance.randrange(-50, 50) / 2, chance.choice(QUALITIES), at, 3, 0
@@ -119,7 +120,7 @@ def check(store: Store, chance: random.Random, since: int) -> int:
     in_columns = 0
     for _ in range(12):
         point, most = chance.choice(POINTS), chance.choice((5, 40))
-        begin = chance.randrange(since, END)
+        begin = chance.choice([at for (at,) in rows_of(store, "history", "at_ns")]) - chance.randrange(DAY)
         end = chance.choice((END, min(END, begin + chance.randrange(1, 10 ** chance.randrange(10, 17)))))
         found = asked(store, point, begin, end, most)
         if found.exact:
@@ -167,6 +168,26 @@ def test_columns_say_what_a_full_scan_says(store: Store, monkeypatch: pytest.Mon
     kept |= {(point, PART, at >> PART) for point, at in rows if of_slot[point, at >> SLOT] >= rollup.MUCH}
     assert {PART, SLOT} == {shift for _, shift, _ in kept}
     assert {*rows_of(store, "rollup", "point, shift, slot")} == kept
+
+
+@pytest.mark.parametrize("every", [10, 3600], ids=["much", "few"])
+def test_columns_narrower_than_a_slot(store: Store, every: int) -> None:
+    """Of a slot in which much came out of its parts, else out of the history."""
+    summed, begin = Rollup(), END - 5 * DAY
+    rows = [
+        EventRow(1, at, at // S % 977, QUALITIES[at // S // every % 8], at, 3, 0)
+        for at in range(begin, END, every * S)
+    ]
+    put(store, summed, rows)
+    roll(store, summed, END + DAY)
+    assert not rows_of(store, "unrolled", "*")
+    assert (PART in {shift for (shift,) in rows_of(store, "rollup", "shift")}) == (every == 10)
+    most = 60
+    found = asked(store, 1, begin, END, most)
+    shift = next(n for n in range(64) if (END >> n) - (begin >> n) < most)
+    assert PART <= shift < SLOT and not found.exact
+    assert found.columns == scanned(store, 1, found.columns, shift)
+    assert sum(column.number for column in found.columns) == len(rows)
 
 
 def test_few_rows_are_told_as_they_are(store: Store) -> None:
