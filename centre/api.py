@@ -37,6 +37,7 @@ COMMANDS = ", ".join(f'"{column}"' for column in COMMAND_COLUMNS)
 ROWS = 500  # of a page
 TREND_COLUMNS, TREND_RANGE, TRENDS_MOST = 1000, range(10, 4001), 12
 CHART_ROWS = 5000  # of a chart
+TRIP_FORMATS = {"json": "application/json", "csv": "text/csv"}
 READ_S = 600.0  # for a piece of 64 KiB
 IDS_MOST = 5000  # of alarms
 MARKS_AT_ONCE = 200  # of a file
@@ -436,6 +437,24 @@ async def tracks(asked: Asked) -> Any:
     return await _made(asked, order, writer.kind, f"tracks.{form}")
 
 
+async def trips(asked: Asked) -> Any:
+    """By a process, too: a year has millions of places."""
+    point = asked.point(_asked(asked, "point", 0))
+    if not point.is_position:
+        raise RefusedError(404, "unknown", f"point {point.id} is no place")
+    begin, end = _span(asked, DAY_S)
+    form = asked.query.get("format", "json")
+    if form not in TRIP_FORMATS:
+        raise RefusedError(400, "form", f"{form} is no format: {', '.join(TRIP_FORMATS)}")
+    if "format" in asked.query:
+        await _export(asked, "trips", point.station)
+    order = {
+        "what": "trips", "format": form, "point": point.id, "gap_s": asked.centre.settings.gap_s,
+        "begin": begin, "end": end,
+    }  # fmt: skip
+    return await _made(asked, order, TRIP_FORMATS[form], f"trips.{form}")
+
+
 async def alarms(asked: Asked) -> list[Json]:
     """Open ones; with from, to or part_of, all that came in that time or are its parts, newest first."""
     if {"from", "to", "part_of"} & asked.query.keys():
@@ -679,6 +698,8 @@ ROUTES = [
           {**SPAN, **FORMAT, "point": {"type": "integer"}, "step": STEP}, answer="application/geo+json"),
     Route("GET", "/api/pictures", "viewer", "the process pictures", drawings),
     Route("GET", "/api/pictures/{name}", "viewer", "one: its SVG, what its elements are bound to", drawing),
+    Route("GET", "/api/trips", "viewer", "trips and stops of a vehicle, the last day unless asked for", trips,
+          {**SPAN, "point": {"type": "integer"}, "format": {"type": "string", "enum": list(TRIP_FORMATS)}}),
     Route("GET", "/api/areas", "viewer", "the areas of the map", areas),
     Route("GET", "/api/files", "viewer", "the user's files, made or kept, and how far they are", files),
     Route("POST", "/api/files/{id}/end", "viewer", "such a file is not wanted any more", end_file),

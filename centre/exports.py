@@ -26,6 +26,7 @@ from openrtu_tools.centre.formats import FORMATS, Place, Writer, moment, table
 from openrtu_tools.centre.model import NS_PER_MS, Json, metres
 from openrtu_tools.centre.store import INTEGER_MOST, Row, Store
 from openrtu_tools.centre.trends import trend
+from openrtu_tools.centre.trips import Log
 
 ROWS_AT_ONCE = 2000  # what is in memory
 STRETCH_NS = 60 * 10**9
@@ -194,12 +195,28 @@ async def _trends(store: Store, order: Json) -> Text:
         )  # fmt: skip
 
 
+async def _trips(store: Store, order: Json) -> Text:
+    """As JSON or CSV; the speeds of trips are in JSON."""
+    log = Log(order["gap_s"])
+    async for places in track(store, order["point"], order["begin"], order["end"], 0):
+        log.add(places)
+    views = [each.view() for each in log.end()]
+    if order["format"] == "json":
+        yield json.dumps(views)
+        return
+    columns = ["kind", "from", "to", "metres", "unknown_m", "mean", "most", "latitude", "longitude"]
+    yield table([columns])
+    for view in views:
+        yield table([[moment(view[key]) if key in ("from", "to") else view.get(key, "") for key in columns]])
+
+
 MAKERS: dict[str, Callable[[Store, Json], Text]] = {
     "tracks": _tracks,
     "history": _history,
     "events": _events,
     "audit": _audit,
     "trends": _trends,
+    "trips": _trips,
 }
 
 

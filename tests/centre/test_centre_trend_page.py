@@ -16,9 +16,11 @@ from playwright.sync_api import Browser, Page, expect
 from browser import LIMIT_MS, chromium, log_in
 from control_room import PASSWORD, Site, Stations, described, until
 from lab.centre_client import AnswerError
-from lab.vehicles import M_ME_TF_1, M_SP_TB_1, Station, measured, single
+from lab.vehicles import M_ME_TF_1, M_SP_TB_1, POSITION, Station, measured, position, single
 from openrtu_tools.centre import rollup
+from openrtu_tools.centre.codes import Content
 from openrtu_tools.centre.database import open_store
+from openrtu_tools.centre.intake import TRACK_COLUMNS
 from openrtu_tools.centre.settings import load
 from openrtu_tools.centre.store import Database, EventRow
 
@@ -42,6 +44,15 @@ def seed(database: Database) -> None:
         rows.append(EventRow(1, at, 2 + math.sin(at / HOUR_NS), quality, at, 3, 1))
     database.insert("history", EventRow._fields, rows)
     rollup.mark(database, ((row.point, row.at_ns) for row in rows))
+    database.insert("points", ["id", "station", "ca", "ioa", "content"], [(2, 1, 1, 1, Content.POSITION)])
+    database.insert("track", TRACK_COLUMNS, [*track(NOW - 2 * HOUR_NS)])
+
+
+def track(begin_ns: int) -> Iterator[tuple[int, ...]]:
+    """It stands for 10 min, drives 10 km to the east at 20 m/s, and stands for 10 min."""
+    for second in range(0, 1700):
+        metres = 20 * min(max(second - 600, 0), 500)
+        yield 2, begin_ns + second * 10**9, 0, round(metres / 111195.08 * 1e7), 1170, 0, 1
 
 
 @pytest.fixture(scope="module")
@@ -56,8 +67,9 @@ def site(
     with made:
         stations.say(north, 4, M_ME_TF_1, measured(NOW // 10**6, 2.5))
         stations.say(north, 5, M_SP_TB_1, single(NOW // 10**6, True))
+        stations.say(north, 1, POSITION, position(NOW // 10**6, 0.0, 0.09, 117))
         client = made.client("vera")
-        until(lambda: len([each for each in client.get("/api/points") if each["at"]]) >= 2, "the points")
+        until(lambda: len([each for each in client.get("/api/points") if each["at"]]) >= 3, "the points")
         yield made
 
 
@@ -268,3 +280,30 @@ def test_file_that_is_made_is_seen_and_ended(site: Site, page: Page) -> None:
         panel.get_by_role("button", name="Not wanted any more").click()
     assert ended.value.method == "POST"
     expect(panel).to_be_hidden()
+
+
+def test_trips_of_a_vehicle(site: Site, page: Page) -> None:
+    """By HTTP, as CSV, and on the page, with a profile of the speeds of one."""
+    client, place = site.client("vera"), ids(site)["place"]
+    kinds = [part["kind"] for part in client.get(f"/api/trips?point={place}")]
+    assert kinds[:3] == ["stop", "trip", "stop"]
+    text = client.raw("GET", f"/api/trips?point={place}&format=csv")[1].decode()
+    trip = list(csv.DictReader(io.StringIO(text)))[1]
+    assert trip["kind"] == "trip" and abs(float(trip["metres"]) - 10_000) < 1
+    for wrong, status in (
+        ("point=9999", 404),
+        (f"point={ids(site)['level']}", 404),
+        (f"point={place}&format=x", 400),
+    ):
+        with pytest.raises(AnswerError, match=str(status)):
+            client.get(f"/api/trips?{wrong}")
+    page.evaluate("location.hash = '#map'")
+    page.locator(".list button", has_text="north").click()
+    page.locator(".about").get_by_role("button", name="Trips").click()
+    dialogue = page.locator("dialog")
+    expect(dialogue).to_contain_text("10.00 km")
+    expect(dialogue.locator("tr.trip").first).to_contain_text("72 km/h")
+    dialogue.locator("tr.trip").last.get_by_role("button", name="trip").click()
+    expect(dialogue.locator(".u-legend")).to_contain_text("km/h")
+    page.keyboard.press("Escape")
+    expect(dialogue).to_have_count(0)

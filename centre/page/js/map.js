@@ -8,6 +8,7 @@ import { colour, Marks } from "./marks.js";
 import { quality, stationState } from "./quality.js";
 import { Replay } from "./replay.js";
 import { readTiles, tileLayers } from "./tiles.js";
+import { tripsDialogue } from "./trips.js";
 import { age, t, time } from "./words.js";
 
 maplibre.setWorkerUrl(new URL("../vendor/maplibre-gl-worker.mjs", import.meta.url).href);
@@ -253,7 +254,7 @@ export function showMap(main) {
       const close = h("button", { class: "small", "aria-label": t("close"), onclick: () => { chosen.id = ""; clearTrack(); update(); } }, "✕");
       about.replaceChildren(
         h("div", { class: "row" }, h("h2", { class: "grow" }, place.name), close), facts,
-        ...(place.point ? [h("div", { class: "row" }, follow, trackText), h("div", { class: "row" }, h("span", { class: "muted" }, t("export")), ...files)]
+        ...(place.point ? [h("div", { class: "row" }, follow, h("button", { class: "small", "aria-haspopup": "dialog", onclick: () => tripsDialogue(place.point.id, place.name) }, t("trips")), trackText), h("div", { class: "row" }, h("span", { class: "muted" }, t("export")), ...files)]
           : [h("a", { href: `#points/${place.id.slice(1)}` }, t("points_of", { station: place.name }))]));
     }
     const lines = [[t("quality"), () => state(place.kind, place.word), place.kind + place.word], [t("time"), time(place.at)],
