@@ -184,10 +184,10 @@ async def _of_few(store: Store, point: int, shift: int, begin: int, end: int) ->
     found = (
         f"SELECT at_ns >> {shift} AS part, {of}, max(at_ns) AS last_ns FROM rollup CROSS JOIN history"
         f" WHERE rollup.point = ?1 AND shift = {SLOT} AND rollup.number < {MUCH}"
-        f" AND slot BETWEEN ?2 >> {SLOT} AND ?3 >> {SLOT} AND history.point = ?1 AND at_ns BETWEEN ?2 AND ?3"
+        " AND slot BETWEEN ?4 AND ?5 AND history.point = ?1 AND at_ns BETWEEN ?2 AND ?3"
         f" AND at_ns BETWEEN slot << {SLOT} AND (slot + 1 << {SLOT}) - 1 GROUP BY at_ns >> {shift}"
     )
-    return await store.read(_with_last(found), point, begin, end)
+    return await store.read(_with_last(found), point, begin, end, begin >> SLOT, end >> SLOT)
 
 
 async def _of_rollup(store: Store, point: int, shift: int, begin: int, end: int) -> list[Row]:
