@@ -26,6 +26,11 @@ HALF = {"width": 640, "height": 360}  # of 1280 by 720, as a browser's zoom of 2
 SITE_ZONE = "Europe/Belgrade"
 expect.set_options(timeout=LIMIT_MS)
 
+PICTURE = """<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 200 100"><title>Pump</title>
+<g data-point="north/pump" data-command="north/pump"><circle cx="60" cy="50" r="30" fill="#888"/>
+<text x="60" y="55" text-anchor="middle" data-text="1: runs; 0: stands">P1</text></g></svg>
+"""
+
 # They are there once more when the centre tells all.
 ADD = """async (count) => {
   const live = await import("./js/live.js");
@@ -45,7 +50,8 @@ def site(
 ) -> Iterator[Site]:
     assert PAGE.is_dir(), "the page is not built: make centre-page"
     folder = tmp_path_factory.mktemp("night")
-    keys = {"page": PAGE, "centre": {"zone": SITE_ZONE}}
+    (folder / "pump.svg").write_text(PICTURE)
+    keys = {"page": PAGE, "centre": {"zone": SITE_ZONE, "pictures": "."}}
     with Site(programs, folder, [described(north, folder, group="water")], **keys) as started:
         for ioa in (2, 3, 5):
             stations.say(north, ioa, M_SP_TB_1, single(now_ms(), ioa == 5))
@@ -280,10 +286,13 @@ CHECK = """async () => (await axe.run(document, { resultTypes: ["violations"] })
 NARROW = """() => {
   const page = document.documentElement;
   const wrong = page.scrollWidth > page.clientWidth ? [`the page: ${page.scrollWidth} pixels`] : [];
+  for (const view of document.querySelectorAll(".page")) {
+    if (view.scrollWidth > view.clientWidth) wrong.push(`a view: ${view.scrollWidth} pixels`);
+  }
   for (const element of document.querySelectorAll("button, select, input, main a")) {
     const box = element.getBoundingClientRect();
     if (!box.width || element.closest(".maplibregl-control-container")) continue;
-    const scrolls = element.closest(".scroll, nav, .tabs");
+    const scrolls = element.closest(".scroll");
     const text = element.outerHTML.slice(0, 120);
     if (!scrolls && (box.left < -0.5 || box.right > page.clientWidth + 0.5)) wrong.push(`beside it: ${text}`);
     if (element.matches("button, select") && box.height < 24) wrong.push(`${box.height} high: ${text}`);

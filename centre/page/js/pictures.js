@@ -23,7 +23,7 @@ export function showPictures(main, _, argument = "") {
   const waiting = new Set();
 
   const list = h("ul", { class: "list" });
-  const title = h("h2");
+  const title = h("h2", {}, t("pictures"));
   const host = h("div", { class: "drawing" });
   const wrong = h("div", { class: "wrong", role: "alert", hidden: true });
   const tools = [["zoom_in", "+", () => shown?.zoom.by(1.25)], ["zoom_out", "−", () => shown?.zoom.by(0.8)], ["zoom_fit", "⤢", () => shown?.zoom.fit()]]
