@@ -130,6 +130,11 @@ def symbols_in(file: Path) -> set[str]:
     return {line for line in file.read_text().splitlines() if not line.startswith("#")}
 
 
+def makefiles(root: Path) -> str:
+    """The Makefile and what it includes, as one text."""
+    return "".join(file.read_text() for file in (root / "Makefile", *sorted((root / "mk").glob("*.mk"))))
+
+
 def check_named_files(root: Path) -> list[str]:
     """What a defconfig names is there, and every fragment is in use: by a defconfig, or by the Makefile."""
     found, used = [], set()
@@ -138,7 +143,7 @@ def check_named_files(root: Path) -> list[str]:
             paths = named_files(root, file, each.symbol) if EXTERNAL in each.value else []
             found += [f"{each.place}: there is no {path}" for path in paths if not path.exists()]
         used |= {fragment.resolve() for fragment in fragments_of(root, file)}
-    used |= {(root / path).resolve() for path in FRAGMENT.findall((root / "Makefile").read_text())}
+    used |= {(root / path).resolve() for path in FRAGMENT.findall(makefiles(root))}
     idle = [fragment for fragment in fragments(root) if fragment.resolve() not in used]
     return found + [f"{fragment.name}:1: nothing uses this fragment" for fragment in idle]
 
@@ -311,7 +316,7 @@ def _unpinned_of_kas(file: Path) -> list[str]:
 
 def check_workflows(root: Path) -> list[str]:
     """Valid, each action pinned by commit with its release beside it, and only make targets that exist."""
-    targets = set(re.findall(r"^([a-z][a-z-]*):", (root / "Makefile").read_text(), re.MULTILINE))
+    targets = set(re.findall(r"^([a-z][a-z-]*):", makefiles(root), re.MULTILINE))
     found = []
     for file in sorted((root / ".github" / "workflows").glob("*.y*ml")):
         text = file.read_text()

@@ -14,7 +14,7 @@ from image.checks import CHECKS, defconfigs, fragments, value_of
 from image.parts import completed
 
 ROOT = Path(__file__).resolve().parents[2]
-PARTS = ["Makefile", ".github", "board", "br2-external", "configs", "docs", "dts", "package", "patches"]
+PARTS = ["Makefile", "mk", ".github", "board", "br2-external", "configs", "docs", "dts", "package", "patches"]
 NOT_READ = shutil.ignore_patterns("src", "qemu", "figures", "examples", "*.patch")
 GATEWAY = "configs/nuc980_gateway_defconfig"
 LTS = "configs/nuc980_gateway_lts_defconfig"
@@ -207,7 +207,7 @@ FAULTS: list[tuple[str, Plant, str]] = [
     ("workflows", replace(WORKFLOW, "@[0-9a-f]{40} # .*", "@v4"), "pin by commit"),
     ("workflows", replace(WORKFLOW, "(@[0-9a-f]{40}) # .*", r"\1"), "pin by commit"),
     ("workflows", replace(WORKFLOW, "run: make test$", "run: make tests"), "there is no target tests"),
-    ("workflows", replace("Makefile", "^checkout:", "bring:"), "no target checkout"),
+    ("workflows", replace("mk/image-buildroot.mk", "^checkout:", "bring:"), "no target checkout"),
     ("style", append(MK, "OPENRTU_A = b \n"), "white space"),
     ("style", append(MK, "\n\n# end\n"), "two empty lines"),
     ("style", append(MK, "\n"), "empty line at the end"),

@@ -87,7 +87,7 @@ class Tree:
         (folder / "package/openrtu/src").mkdir(parents=True)
         for name in ("Makefile", "requirements.txt", "package/openrtu/src/VERSION"):
             shutil.copy(ROOT / name, folder / name)
-        for name in ("board", "configs", "dts", "br2-external", "scripts"):
+        for name in ("board", "configs", "dts", "br2-external", "mk", "scripts"):
             ignored = shutil.ignore_patterns("__pycache__")
             shutil.copytree(ROOT / name, folder / name, symlinks=True, ignore=ignored)
         for package in (ROOT / "package").glob("*/*.mk"):
@@ -153,14 +153,14 @@ def test_image_builds_both_or_the_one_that_is_named(tree: Tree, words: list[str]
 
 
 def test_site_that_is_not_there_is_said_at_once(tree: Tree) -> None:
-    done = tree.make_with_stand_in("image", "SITE=nowhere")
+    done = tree.make_with_stand_in("image-buildroot", "SITE=nowhere")
     assert done.returncode == 2
     assert "SITE=nowhere is not a folder; docs/image-buildroot.md says" in done.stderr
     assert not (tree.folder / "build" / IMAGES[0]).exists()
 
 
 def test_folder_without_buildroot_is_said(tree: Tree) -> None:
-    done = tree.make("image", "BUILDROOT_DIR=nowhere")
+    done = tree.make("image-buildroot", "BUILDROOT_DIR=nowhere")
     assert done.returncode == 2
     assert "BUILDROOT_DIR=nowhere is not a Buildroot checkout" in done.stderr
 
@@ -170,11 +170,11 @@ def test_changed_configuration_is_built_until_the_defconfig_is_newer(tree: Tree)
     config = tree.folder / "build" / IMAGES[0] / ".config"
     with config.open("a") as file:
         file.write("BR2_BY_MENUCONFIG=y\n")
-    assert tree.make_with_stand_in("image").returncode == 0
+    assert tree.make_with_stand_in("image-buildroot").returncode == 0
     assert "BR2_BY_MENUCONFIG=y" in config.read_text()
     soon = time.time() + 10
     os.utime(tree.folder / "configs" / "nuc980_gateway_defconfig", (soon, soon))
-    assert tree.make_with_stand_in("image").returncode == 0
+    assert tree.make_with_stand_in("image-buildroot").returncode == 0
     assert "BR2_BY_MENUCONFIG=y" not in config.read_text()
 
 
@@ -250,7 +250,7 @@ def test_source_of_what_buildroot_downloads_is_its_own_targets(tree: Tree) -> No
 
 @pytest.mark.parametrize("image", IMAGES)
 def test_savedefconfig_writes_back_and_keeps_the_licence(tree: Tree, image: str) -> None:
-    assert tree.make_with_stand_in("image").returncode == 0
+    assert tree.make_with_stand_in("image-buildroot").returncode == 0
     defconfig = tree.folder / "configs" / f"{image}_defconfig"
     before = defconfig.read_text()
     with (tree.folder / "build" / image / ".config").open("a") as file:
@@ -311,13 +311,13 @@ def test_checkout_brings_the_pinned_commit(tree: Tree) -> None:
     done = tree.make("checkout")
     assert done.returncode == 0, done.stderr
     assert git(tree.folder / "build" / "buildroot", "rev-parse", "HEAD") == commit
-    assert tree.make("image").returncode == 0
+    assert tree.make("image-buildroot").returncode == 0
 
 
 def test_without_network_checkout_says_what_it_could_not_reach(tree: Tree) -> None:
     url, commit = "https://buildroot.invalid/buildroot.git", "0123456789abcdef0123456789abcdef01234567"
     pin(tree, url, commit)
-    done = tree.make("image")
+    done = tree.make("image-buildroot")
     assert done.returncode == 2
     assert f"Buildroot could not be brought from {url}" in done.stderr
     assert f"With a checkout of commit {commit}: make image-buildroot BUILDROOT_DIR=folder" in done.stderr

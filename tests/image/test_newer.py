@@ -32,7 +32,7 @@ Date:   Thu Jan 1 00:00:00 2026 +0000
 
 @pytest.fixture
 def tree(tmp_path: Path) -> Path:
-    for name in ("configs", "patches", "docs", "board", "br2-external", "package", "Makefile"):
+    for name in ("configs", "patches", "docs", "board", "br2-external", "package", "mk", "Makefile"):
         source = ROOT / name
         if source.is_dir():
             ignored = shutil.ignore_patterns("src", "figures")

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+# The tests.
+
+PROBES      = tests/twin/probes
+PAYLOAD     = tests/netboot/payload
+PROGRAMS    = tests/linux/programs
+C_FILES     = $(shell find $(SRC) $(LINESIM) $(BENCH) $(PROBES) $(PAYLOAD) $(PROGRAMS) -name '*.[ch]')
+# Once more with the modules built under AddressSanitizer and UBSan.
+UNDER_SANITIZERS = tests/test_gateway.py tests/test_lines.py tests/test_event_journal.py $(wildcard tests/test_station_*.py)
+SHELL_FILES = .ci/run scripts/openrtu scripts/nuc980-pins scripts/nuc980-netboot scripts/kept tests/as-user.sh package/openrtu/container/*-* $(wildcard scripts/*.sh scripts/image/*.sh $(PROGRAMS)/*.sh board/*/*.sh package/*/S[0-9]* $(SRC)/*/*/*.sh \
+  board/*/*/etc/init.d/* board/*/*/usr/sbin/*) board/nuc980/skeleton/init board/nuc980/skeleton/usr/share/udhcpc/default.script
+
+lint: $(LINTED) ## Test: check the sources: ruff, clang-format, cppcheck, shellcheck
+	$(PYTHON) -m ruff check .
+	$(PYTHON) -m ruff format --check .
+	@echo clang-format --dry-run -Werror
+	@.venv/bin/clang-format --dry-run -Werror $(C_FILES)
+	@mkdir -p build/cppcheck
+	cppcheck --quiet -j 2 --cppcheck-build-dir=build/cppcheck --enable=warning,performance,portability --error-exitcode=1 --inline-suppr \
+	  --suppress=normalCheckLevelMaxBranches --library=scripts/cppcheck.cfg -I $(SRC) $(SRC) $(LINESIM) $(BENCH) $(PROBES) $(PAYLOAD) $(PROGRAMS)
+	shellcheck --external-sources $(SHELL_FILES)
+
+# Many of these wait for a line, a timer or a guest: four at a time fill two cores. A file's tests share what they start.
+WORKERS := 4
+PYTEST = OPENRTU_TIMES=build/times/$@.json $(PYTHON) tests/alone.py -n $(WORKERS) --dist loadfile --no-loadscope-reorder \
+  --max-worker-restart 0
+
+test-quick: LISTS := packages packages-lint packages-boards packages-tests
+test-quick: $(PACKAGES) $(LINTED) $(TESTED) ## Test: lint, C unit tests, the quick half of pytest
+	$(MAKE) --jobs 3 .lint-logged unit .venv/collected
+	@echo '   * pytest: some 4 000 quick tests, five at a time; a dot each'
+	$(MAKE) .quick
+
+.PHONY: .lint-logged
+.lint-logged:
+	$(LOGGED) lint $(MAKE) lint
+
+# Nothing on the emulated board is quick, and nobody begins with the bench: each worker would read these files.
+QUICK := --ignore=tests/linux --ignore=tests/twin --ignore=tests/bench -m "not slow and not soak"
+
+# They wait three quarters of their time: five fill two cores.
+.PHONY: .quick
+.quick: WORKERS := 5
+.quick: build .venv/collected
+	$(PYTEST) $(QUICK)
+
+# pytest compiles a file of tests where it is first read, 5 CPU seconds for all. Workers begin together: each would do it.
+.venv/collected: $(TESTED) $(shell find tests -name '*.py') pyproject.toml
+	$(LOGGED) collected $(PYTHON) -m pytest --collect-only --quiet $(QUICK)
+	@touch $@
+
+# One area: all of it, or FILES='tests/…'.
+FILES :=
+AREA = $(PYTEST) $(or $(FILES),--area $(@:test-%=%))
+
+test-station: build $(TESTED) ## Test: the controlled station: IEC 104 and TLS
+test-lines: build $(TESTED) ## Test: the Modbus lines
+test-gateway: build .asan fuzzers centre-page $(WHEELING) $(PACKAGING) build/gpsd/done build/chronyd/done build/mibs/done build/exporter/done $(TESTED) ## Test: the gateway as a whole, its configuration, the tree
+test-bench: build .compared $(TESTED) ## Test: what make bench measures with
+test-pins: $(TESTED) ## Test: nuc980-pins
+test-image: build/packages-cross.done build/packages-release.done $(TESTED) ## Test: the images' configuration and what makes them
+test-netboot: build qemu uboot $(TESTED) ## Test: nuc980-netboot
+test-twin: qemu uboot $(TESTED) ## Test: the emulated board alone
+test-centre: build centre-page build/provider/npm.done build/axe/npm.done $(PACKAGING) build/packages-centre.done $(TESTED) ## Test: the control centre, its page in a browser
+test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre:
+	$(AREA)
+
+test-linux: WORKERS := 2 # a guest that starts fills a core
+test-linux: linux image-debian build/swupdate/done build/curl/done lab qemu uboot build build/arm/build.ninja $(TESTED) ## Test: Linux on the emulated board
+	$(LOGGED) arm ninja -C build/arm logic/logic-desk
+	$(MAKE) image-debian SITE=tests/linux/site-tls
+	$(MAKE) image-debian uboot BOARD=numaker
+	$(AREA)
+
+# A kernel and boots of its own that take as long as an area: the drivers change seldom.
+test-debug-kernel: linux-debug image-debian qemu uboot build $(TESTED) ## Test: the drivers on a kernel that watches itself, half an hour
+	$(PYTHON) -m pytest -m soak tests/linux/test_debug_kernel.py
+
+# For the site of `make run`: its key opens the board.
+test-offline: build qemu uboot $(TESTED) ## Test: the image of image-offline on the emulated board, an hour with its build
+	@$(LAB).site build/site --updates
+	$(MAKE) image-offline BUILDROOT_DIR='$(BUILDROOT_DIR)' SITE=build/site/field
+	$(PYTHON) -m pytest -m soak -k offline tests/linux/test_image_offline.py tests/linux/test_update_root.py
+
+test-sanitizers: build .asan $(TESTED) ## Test: the gateway's tests, its modules under AddressSanitizer and UBSan
+	OPENRTU_BUILD=build/asan $(PYTEST) $(UNDER_SANITIZERS)
+
+test-native: build .compared .asan fuzzers qemu uboot centre-page build/provider/npm.done build/axe/npm.done $(WHEELING) $(PACKAGING) build/packages-centre.done build/gpsd/done build/chronyd/done build/mibs/done build/exporter/done $(TESTED) ## Test: all of pytest but Linux on the emulated board
+	$(PYTEST) --ignore=tests/linux
+
+test-user: ## Test: the README's two commands as a user without rights (takes root)
+	tests/as-user.sh
+
+test-changed: $(TESTED) ## Test: what a change can reach, and why (BASE=commit: since that one)
+	$(PYTHON) tests/changed.py $(BASE)
+
+# What several parts of `make test` need, built before them by one make; and what test-linux alone needs: tests/run.py.
+.PHONY: .shared .linux-alone
+.shared: build .compared qemu uboot centre-page build/provider/npm.done build/axe/npm.done $(WHEELING) $(PACKAGING) build/packages-centre.done build/sysroot.ini \
+  build/gpsd/done build/chronyd/done build/mibs/done $(TESTED)
+.linux-alone: linux build/boards/numaker/u-boot/done build/swupdate/done build/curl/done $(SYSTEM_PARTS) build/root/gateway-tls.done
+
+test: $(TESTED) $(LINTED) ## Test: all but soak, test-debug-kernel, test-offline (ONLY=)
+	$(PYTHON) tests/run.py $(if $(ONLY),--only $(ONLY))
+
+BUSY := 8
+TIMES := 20
+
+busy: $(VENV) ## Test: the shows and test-quick beside busy processes (BUSY=8, TIMES=20, TARGETS=)
+	$(PYTHON) tests/busy.py --processes $(BUSY) --times $(TIMES) $(TARGETS)
+
+soak: build qemu uboot linux linux-debug image-debian build/swupdate/done build/curl/done $(TESTED) ## Test: hours: 1000 kills of each module, 500 boots, 200 netboots, 2000 power cuts
+	$(PYTHON) -m pytest -m soak
