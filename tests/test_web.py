@@ -169,20 +169,6 @@ def test_who_is_changed_or_removed_is_out_soon(page: Page, change: tuple[str, ..
     assert other.ask("/api/points").status == 200
 
 
-def test_a_file_of_users_that_is_gone_is_a_file_without_users(page: Page) -> None:
-    """But not at once: whoever exchanges it takes the old one away first."""
-    file = page.folder / "web.users"
-    client = page.client("viewer")
-    away = file.rename(page.folder / "away")
-    begin = time.monotonic()
-    while client.ask("/api/points").status == 200:
-        assert time.monotonic() < begin + WAIT_S, "still in"
-        time.sleep(0.2)
-    assert time.monotonic() - begin > 5  # REVIEW_NS: the second look
-    away.rename(file)
-    assert page.client("viewer").ask("/api/points").status == 200
-
-
 def test_a_second_factor_is_asked_for_and_each_code_is_good_once(page: Page) -> None:
     said = users(page, "yves", "--role", "viewer", "--second-factor")
     app = pyotp.parse_uri(said.strip())
@@ -579,6 +565,20 @@ def test_a_new_certificate_needs_no_restart(page: Page) -> None:
     page.gateway.wait_for(lambda: "not in force" in page.gateway.ctl("log"), WAIT_S, "the log says so")
     assert shown() == in_force
     (page.folder / "web.pem").write_text(in_force)
+
+
+def test_a_file_of_users_that_is_gone_is_a_file_without_users(page: Page) -> None:
+    """But not at once: whoever exchanges it takes the old one away first. All sessions of above end here."""
+    file = page.folder / "web.users"
+    client = page.client("viewer")
+    away = file.rename(page.folder / "away")
+    begin = time.monotonic()
+    while client.ask("/api/points").status == 200:
+        assert time.monotonic() < begin + WAIT_S, "still in"
+        time.sleep(0.2)
+    assert time.monotonic() - begin > 5  # REVIEW_NS: the second look
+    away.rename(file)
+    assert page.client("viewer").ask("/api/points").status == 200
 
 
 def test_nothing_of_this_has_ended_it(page: Page) -> None:

@@ -41,7 +41,7 @@ def database(server: Server | None, tmp_path: Path) -> Iterator[Path | str]:
 
 
 def events(names: dict[int, tuple[str, str]]) -> dict[str, Any]:
-    return {"what": "events", "names": names, "begin": 0, "end": DAY}
+    return {"what": "events", "names": names, "cause": "", "begin": 0, "end": DAY}
 
 
 async def made(files: Makers, order: dict[str, Any]) -> list[dict[str, str]]:
