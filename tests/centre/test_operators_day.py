@@ -188,6 +188,7 @@ def test_a_night_of_an_operator(
     small.locator("tbody tr", has_text="Sava").get_by_role("button", name="Shelve").click()
     small.get_by_label("Reason").fill("pump is tested until six")
     small.keyboard.press("Enter")
+    expect(small.get_by_role("button", name="Shelved (1)")).to_be_visible()
     small.get_by_role("button", name="Acknowledge shown").click()
     expect(level).to_have_count(0)
     phone.close()
