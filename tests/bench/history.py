@@ -38,6 +38,7 @@ YEARS = 3
 YEAR_NS = 31_557_600 * 10**9
 STATIONS, POINTS = 10, 10  # of each; the first point of the first has half of all rows
 FILES = 16
+ASKED_S = 30.0
 PAUSE_S = 0.02  # between a page's questions
 ROWS_AT_ONCE = 500_000
 TRIES = 9
@@ -179,10 +180,10 @@ async def ask(port: int, now_ms: int, seconds: float, say: Any) -> None:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description="The control centre on a long history.")
-    parser.add_argument("--quick", action="store_true", help="a try of some seconds, with 100 000 rows")
+    parser.add_argument("--rows", type=int, default=10_000_000, help="of the history (default %(default)s)")
     parser.add_argument("--output", type=Path, default=REPOSITORY / "build", help="folder for the text")
     arguments = parser.parse_args()
-    rows = 100_000 if arguments.quick else 10_000_000
+    rows = arguments.rows
     lines: list[str] = []
 
     def say(line: str) -> None:
@@ -209,7 +210,7 @@ def main() -> int:
                 f" {longest * 1e3:.0f} ms at a time"
             )
             with serving(file):
-                asyncio.run(ask(port, now_ns // 10**6, 3 if arguments.quick else 30, say))
+                asyncio.run(ask(port, now_ns // 10**6, ASKED_S, say))
     except (OSError, CentreError, aiohttp.ClientError, TimeoutError) as error:
         print(f"the bench ended early: {error}", file=sys.stderr)
         return 1

@@ -128,7 +128,7 @@ function alarmTable(place) {
         const [kind, word] = PRIORITIES[alarm.priority];
         fill(priority, kind, () => state(kind, t(word)));
         setText(since, time(alarm.since));
-        setText(station, live.stations.get(alarm.station)?.name ?? "");
+        setText(station, alarm.kind === "network" ? "" : (live.stations.get(alarm.station)?.name ?? "")); // of many
         setText(what, alarm.returns ? `${words(alarm)} (${t("again", { n: alarm.returns, time: time(alarm.last) })})` : words(alarm));
         const shelved = isShelved(alarm);
         const now = [t(alarm.gone ? "gone" : "active"), ...(alarm.suppressed_by ? [t("suppressed")] : [])].join(", ");
