@@ -6,13 +6,21 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from playwright.sync_api import Browser
 
+from browser import chromium
 from control_room import POINTS, Site, Stations, described
 from lab.vehicles import Station
 from postgres import Server
 
 # What the page is told is the same of both.
 STORES = ("sqlite", pytest.param("postgresql", marks=pytest.mark.slow))
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with chromium() as started:
+        yield started
 
 
 @pytest.fixture(scope="module")

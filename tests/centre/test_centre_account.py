@@ -10,7 +10,7 @@ import pyotp
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
-from browser import LIMIT_MS, chromium, log_in, tool
+from browser import LIMIT_MS, log_in, tool
 from control_room import PASSWORD, Site
 from lab.centre_client import AnswerError, Client
 
@@ -25,12 +25,6 @@ expect.set_options(timeout=LIMIT_MS)
 def site(of_north: Callable[..., Site]) -> Iterator[Site]:
     assert PAGE.is_dir(), "the page is not built: make centre-page"
     with of_north(page=PAGE) as started:
-        yield started
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with chromium() as started:
         yield started
 
 

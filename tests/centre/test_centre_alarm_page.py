@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
-from browser import LIMIT_MS, chromium, log_in
+from browser import LIMIT_MS, log_in
 from control_room import PASSWORD, Site, Stations, described, until
 from lab.gateway import free_port
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, Station, measured, single
@@ -50,12 +50,6 @@ def site(
     with Site(programs, folder, here, PAGE, users=("olga", "vera"), centre=centre) as started:
         client = started.client("vera")
         until(lambda: {each["link"] for each in client.get("/api/stations")} == {3}, "all are connected")
-        yield started
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with chromium() as started:
         yield started
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from browser import LIMIT_MS, chromium, log_in, tool
+from browser import LIMIT_MS, log_in, tool
 from control_room import PASSWORD, ROOT, Site, Stations, described, until
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, Station, measured, single
 from test_centre_page import PAGE, now_ms
@@ -58,12 +58,6 @@ def site(
         stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 9))
         client = started.client("emil")
         until(lambda: len(client.get("/api/alarms")) >= 2, "the alarms")
-        yield started
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with chromium() as started:
         yield started
 
 

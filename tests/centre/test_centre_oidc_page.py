@@ -12,7 +12,7 @@ from typing import Self
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from browser import LIMIT_MS, chromium, log_in
+from browser import LIMIT_MS, log_in
 from control_room import PASSWORD, Site
 from hostile_provider import CLIENT, SECRET
 from lab.centre_client import LIMIT_S
@@ -80,12 +80,6 @@ def site(of_north: Callable[..., Site], provider: Provider) -> Iterator[Site]:
     provider.start()
     with made:
         yield made
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with chromium() as started:
-        yield started
 
 
 @pytest.fixture

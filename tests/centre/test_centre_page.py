@@ -12,7 +12,7 @@ from playwright.sync_api import Browser, Page, Route, expect
 from pmtiles.tile import Compression, TileType, zxy_to_tileid
 from pmtiles.writer import write
 
-from browser import LIMIT_MS, chromium, log_in, tool
+from browser import LIMIT_MS, log_in, tool
 from control_room import PASSWORD, POINTS, Site, Stations, described, until
 from lab.centre_client import AnswerError
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, POSITION, Station, measured, position, single
@@ -81,12 +81,6 @@ def site(
         yield started
     for station in (evil, guarded):
         stations.do(station.stop())
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with chromium() as started:
-        yield started
 
 
 @pytest.fixture

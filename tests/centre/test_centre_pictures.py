@@ -12,7 +12,7 @@ from urllib.parse import quote, urlsplit
 import pytest
 from playwright.sync_api import Browser, CDPSession, Locator, Page, Route, expect
 
-from browser import LIMIT_MS, chromium, log_in
+from browser import LIMIT_MS, log_in
 from control_room import PASSWORD, Site, Stations, described, until
 from hostile_pictures import HOSTILE, ODD, PLAIN
 from lab.centre_client import AnswerError
@@ -97,12 +97,6 @@ def say(
     for ioa, on in ((2, pump), (3, False), (5, False)):
         stations.say(north, ioa, M_SP_TB_1, single(now_ms(), on, quality))
     stations.say(north, 4, M_ME_TF_1, measured(now_ms(), level, quality))
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with chromium() as started:
-        yield started
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from browser import LIMIT_MS, chromium, log_in
+from browser import LIMIT_MS, log_in
 from control_room import PASSWORD, Site, Stations, described, until
 from lab.centre_client import AnswerError
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, POSITION, Station, measured, position, single
@@ -122,12 +122,6 @@ def test_nonsense_is_refused(site: Site, query: str) -> None:
 def test_point_that_is_not_there_is_not_there(site: Site) -> None:
     with pytest.raises(AnswerError, match="404"):
         site.client("vera").get("/api/trends?points=9999")
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with chromium() as started:
-        yield started
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ import pyotp
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from browser import LIMIT_MS, chromium, tool
+from browser import LIMIT_MS, tool
 from control_room import PASSWORD, Site, Stations, described, until
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, POSITION, Station, measured, position, single
 from test_centre_page import PAGE, now_ms
@@ -89,12 +89,6 @@ def site(
         client = started.client("vera")
         wanted = 3 * len(plants) + 1
         until(lambda: len([each for each in client.get("/api/points") if each["at"]]) >= wanted, "the points")
-        yield started
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with chromium() as started:
         yield started
 
 

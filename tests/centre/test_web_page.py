@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, expect
 from playwright.sync_api import Page as Tab
 
-from browser import LIMIT_MS, chromium
+from browser import LIMIT_MS
 from web import DEVICE, HOSTILE, PASSWORD, WAIT_S, Page, page_of
 
 STATION = "<img src=x onerror=document.title='X'>"
@@ -29,12 +29,6 @@ pytestmark = pytest.mark.slow
 def gateway(programs: Path) -> Iterator[Page]:
     with page_of(programs, commands=True, station=STATION) as page:
         yield page
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with chromium() as browser:
-        yield browser
 
 
 def context_of(browser: Browser) -> BrowserContext:
