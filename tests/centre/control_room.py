@@ -32,6 +32,7 @@ from postgres import Server
 
 HANG_S = 300.0  # on a busy host PostgreSQL is asked a few times a second only, for each event
 ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "build" / "centre" / "page"
 PASSWORD = "correct horse battery"
 USERS = {"vera": "viewer", "olga": "operator", "omar": "operator", "emil": "engineer"}
 
@@ -42,6 +43,10 @@ POINTS = """ca,ioa,type,command_type,name,unit,select,min,max,high,state
 1,4,M_ME_NC_1,,level,m,,,,4.5,
 1,5,M_SP_NA_1,,fire,,,,,,1
 """
+
+
+def now_ms() -> int:
+    return time.time_ns() // 1_000_000
 
 
 def until(found: Callable[[], Any], what: str, pause_s: float = 0.02) -> Any:

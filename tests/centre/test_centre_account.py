@@ -4,19 +4,17 @@
 import re
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import pyotp
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
 from browser import LIMIT_MS, log_in, tool
-from control_room import PASSWORD, Site
+from control_room import PAGE, PASSWORD, Site
 from lab.centre_client import AnswerError, Client
 
 pytestmark = pytest.mark.slow
 
-PAGE = Path(__file__).resolve().parents[2] / "build" / "centre" / "page"
 FRESH = "a better password"
 expect.set_options(timeout=LIMIT_MS)
 

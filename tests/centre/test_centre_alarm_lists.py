@@ -11,7 +11,7 @@ from unittest import mock
 
 import pytest
 
-from control_room import PASSWORD, Site, Stations, described, until
+from control_room import PASSWORD, Site, Stations, described, now_ms, until
 from lab.centre_client import AnswerError, Client
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, Station, measured, single
 from openrtu_tools.centre.database import open_store
@@ -21,10 +21,6 @@ from postgres import Server
 
 NAMES = ("mill", "north", "south", "weir")
 GROUPS = {"mill": "power"}
-
-
-def now_ms() -> int:
-    return time.time_ns() // 1_000_000
 
 
 @pytest.fixture(scope="module")

@@ -9,13 +9,12 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from browser import LIMIT_MS, log_in
-from control_room import PASSWORD, Site, Stations, described, until
+from control_room import PAGE, PASSWORD, Site, Stations, described, now_ms, until
 from lab.gateway import free_port
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, Station, measured, single
 
 pytestmark = pytest.mark.slow
 
-PAGE = Path(__file__).resolve().parents[2] / "build" / "centre" / "page"
 NAMES = ("mill", "north", "south", "weir")
 expect.set_options(timeout=LIMIT_MS)
 TONES = """() => {
@@ -23,10 +22,6 @@ TONES = """() => {
   const start = OscillatorNode.prototype.start;
   OscillatorNode.prototype.start = function (...when) { window.tones += 1; return start.apply(this, when); };
 }"""
-
-
-def now_ms() -> int:
-    return time.time_ns() // 1_000_000
 
 
 @pytest.fixture(scope="module")

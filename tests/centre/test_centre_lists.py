@@ -12,9 +12,8 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from browser import LIMIT_MS, log_in, tool
-from control_room import PASSWORD, ROOT, Site, Stations, described, until
+from control_room import PAGE, PASSWORD, ROOT, Site, Stations, described, now_ms, until
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, Station, measured, single
-from test_centre_page import PAGE, now_ms
 
 pytestmark = pytest.mark.slow
 

@@ -6,7 +6,6 @@ import json
 import socket
 import ssl
 import threading
-import time
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
@@ -20,7 +19,7 @@ import pytest
 from aiosmtpd.controller import Controller
 from aiosmtpd.smtp import SMTP, AuthResult
 
-from control_room import Site, Stations, described, until
+from control_room import Site, Stations, described, now_ms, until
 from lab.centre_client import AnswerError
 from lab.gateway import free_port
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, Station, measured, single
@@ -36,10 +35,6 @@ from test_centre_tls import make_pair
 
 S = 10**9
 PASSWORD = "correct horse battery"
-
-
-def now_ms() -> int:
-    return time.time_ns() // 1_000_000
 
 
 # ---- who is told -------------------------------------------------------------------------------------

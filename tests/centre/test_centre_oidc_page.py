@@ -13,7 +13,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from browser import LIMIT_MS, log_in
-from control_room import PASSWORD, Site
+from control_room import PAGE, PASSWORD, Site
 from hostile_provider import CLIENT, SECRET
 from lab.centre_client import LIMIT_S
 from lab.gateway import free_port
@@ -22,7 +22,6 @@ from test_centre_oidc import configured
 pytestmark = pytest.mark.slow
 
 BUILD = Path(__file__).resolve().parents[2] / "build"
-PAGE = BUILD / "centre" / "page"
 expect.set_options(timeout=LIMIT_MS)
 
 

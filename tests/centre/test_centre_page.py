@@ -2,7 +2,6 @@
 """The page in a browser: all of it from here, no name that runs, each fate of a command, keys alone."""
 
 import re
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -13,22 +12,17 @@ from pmtiles.tile import Compression, TileType, zxy_to_tileid
 from pmtiles.writer import write
 
 from browser import LIMIT_MS, log_in, tool
-from control_room import PASSWORD, POINTS, Site, Stations, described, until
+from control_room import PAGE, PASSWORD, POINTS, Site, Stations, described, now_ms, until
 from lab.centre_client import AnswerError
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, POSITION, Station, measured, position, single
 
 pytestmark = pytest.mark.slow
 
-PAGE = Path(__file__).resolve().parents[2] / "build" / "centre" / "page"
 EVIL = "<img src=x onerror=alert(1)>"
 BELGRADE = (44.8125, 20.4612)
 INVALID = 128  # of a quality
 ANSWER_MS = 60_000  # rtu-centre waits 10 s for an answer
 expect.set_options(timeout=LIMIT_MS)
-
-
-def now_ms() -> int:
-    return time.time_ns() // 1_000_000
 
 
 def field(number: int, octets: bytes) -> bytes:

@@ -2,7 +2,6 @@
 """Process pictures in a browser: live, no lie, commands; nothing of a hostile one runs or asks anybody."""
 
 import json
-import time
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -13,7 +12,7 @@ import pytest
 from playwright.sync_api import Browser, CDPSession, Locator, Page, Route, expect
 
 from browser import LIMIT_MS, log_in
-from control_room import PASSWORD, Site, Stations, described, until
+from control_room import PASSWORD, Site, Stations, described, now_ms, until
 from hostile_pictures import HOSTILE, ODD, PLAIN
 from lab.centre_client import AnswerError
 from lab.vehicles import INVALID, M_ME_TF_1, M_SP_TB_1, Station, measured, single
@@ -48,10 +47,6 @@ PLANT = (
   <text x="40" y="78">More</text></g>
 </svg>"""
 )
-
-
-def now_ms() -> int:
-    return time.time_ns() // 1_000_000
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from browser import LIMIT_MS, log_in
-from control_room import PASSWORD, Site, Stations, described, until
+from control_room import PAGE, PASSWORD, Site, Stations, described, until
 from lab.centre_client import AnswerError
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, POSITION, Station, measured, position, single
 from openrtu_tools.centre import rollup
@@ -26,7 +26,6 @@ from openrtu_tools.centre.store import Database, EventRow
 
 pytestmark = pytest.mark.slow
 
-PAGE = Path(__file__).resolve().parents[2] / "build" / "centre" / "page"
 NOW = time.time_ns()
 HOUR_NS, DAY_MS = 3600 * 10**9, 86400 * 1000
 DAYS = 400

@@ -18,7 +18,7 @@ from urllib.parse import urlencode
 import aiohttp
 import pytest
 
-from control_room import PASSWORD, USERS, Site, Stations, Watch, until
+from control_room import PASSWORD, USERS, Site, Stations, Watch, now_ms, until
 from lab.centre_client import AnswerError, Client
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, POSITION, Station, measured, position, single
 from openrtu_tools.centre import stream
@@ -30,10 +30,6 @@ from openrtu_tools.centre.stream import View
 INVALID = 128
 CONFIRMED = {"own_password": PASSWORD}
 TOKEN = {"label": "report", "days": 1, "scope": "read", **CONFIRMED}
-
-
-def now_ms() -> int:
-    return time.time_ns() // 1_000_000
 
 
 @pytest.fixture(scope="module", autouse=True)

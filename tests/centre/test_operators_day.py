@@ -16,9 +16,8 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from browser import LIMIT_MS, tool
-from control_room import PASSWORD, Site, Stations, described, until
+from control_room import PAGE, PASSWORD, Site, Stations, described, now_ms, until
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, POSITION, Station, measured, position, single
-from test_centre_page import PAGE, now_ms
 
 pytestmark = pytest.mark.slow
 expect.set_options(timeout=LIMIT_MS)

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The map: vehicles and stations where they are, as good as they are; the track of the chosen one, with its gaps.
 import * as maplibre from "../vendor/maplibre-gl.mjs";
+import { along, lineColour, Scale } from "./along.js";
 import { fill, h, Rows, setText, state } from "./dom.js";
 import { inOrder } from "./lists.js";
 import * as live from "./live.js";
@@ -49,7 +50,7 @@ function style(own) {
       { id: "area-borders", type: "line", source: "areas", paint: { "line-color": areaColour, "line-width": 1.5, "line-dasharray": [3, 2] } },
       { id: "area-names", type: "symbol", source: "area-places", layout: { ...label(12), "text-field": ["get", "label"] }, paint: { "text-color": areaColour, ...halo } },
       { id: "track", type: "line", source: "track", layout: { "line-cap": "round", "line-join": "round" },
-        paint: { "line-color": colour("accent"), "line-width": 3, "line-opacity": 0.85 } },
+        paint: { "line-color": lineColour(colour("accent"), colour("muted")), "line-width": 3, "line-opacity": 0.85 } },
       { id: "labels", type: "symbol", source: "labels",
         layout: { ...label(12), "text-field": ["get", "label"], "text-anchor": "top", "text-offset": [0, 0.95], "text-max-width": 14,
           "symbol-sort-key": ["get", "rank"] },
@@ -243,6 +244,7 @@ export function showMap(main) {
   const facts = h("dl");
   const follow = h("button", { class: "small", onclick: () => { chosen.follow = !chosen.follow; update(); } });
   const trackText = h("span", { class: "muted" });
+  const scale = new Scale(() => { chosen.asked = 0; track(); });
 
   function showChosen(all) {
     const place = all.find((each) => each.id === chosen.id);
@@ -250,11 +252,13 @@ export function showMap(main) {
     if (!place) return;
     if (about.dataset.of !== place.id) {
       about.dataset.of = place.id;
+      scale.offer([]);
+      if (place.point) live.ask(`points?station=${place.point.station}`).then((points) => about.dataset.of === place.id && scale.offer(points), () => {});
       const files = ["GPX", "KML", "GeoJSON", "CSV"].map((form) => h("a", { href: `api/tracks?point=${place.point?.id}&format=${form.toLowerCase()}`, download: "" }, form));
       const close = h("button", { class: "small", "aria-label": t("close"), onclick: () => { chosen.id = ""; clearTrack(); update(); } }, "✕");
       about.replaceChildren(
         h("div", { class: "row" }, h("h2", { class: "grow" }, place.name), close), facts,
-        ...(place.point ? [h("div", { class: "row" }, follow, h("button", { class: "small", "aria-haspopup": "dialog", onclick: () => tripsDialogue(place.point.id, place.name) }, t("trips")), trackText), h("div", { class: "row" }, h("span", { class: "muted" }, t("export")), ...files)]
+        ...(place.point ? [h("div", { class: "row" }, follow, h("button", { class: "small", "aria-haspopup": "dialog", onclick: () => tripsDialogue(place.point.id, place.name) }, t("trips")), trackText), h("div", { class: "row" }, h("span", { class: "muted" }, t("along")), scale.select), scale.bar, h("div", { class: "row" }, h("span", { class: "muted" }, t("export")), ...files)]
           : [h("a", { href: `#points/${place.id.slice(1)}` }, t("points_of", { station: place.name }))]));
     }
     const lines = [[t("quality"), () => state(place.kind, place.word), place.kind + place.word], [t("time"), time(place.at)],
@@ -296,9 +300,12 @@ export function showMap(main) {
     if (Date.now() - chosen.asked < TRACK_MS || (chosen.asked && point.at === chosen.at)) return;
     Object.assign(chosen, { asked: Date.now(), at: point.at });
     const { id } = chosen;
-    const ways = await live.ask(`tracks?point=${point.id}`).catch(() => null);
-    if (!ways || chosen.id !== id || replay.active) return;
-    map.getSource("track").setData(ways);
+    const by = scale.chosen;
+    const [ways, answer] = await Promise.all([live.ask(`tracks?point=${point.id}`).catch(() => null), by && live.ask(`trends?points=${by.id}`).catch(() => null)]);
+    if (!ways || chosen.id !== id || scale.chosen !== by || replay.active) return;
+    const seen = answer ? along(ways, answer.trends[0].columns) : { ways, low: null, high: null };
+    map.getSource("track").setData(seen.ways);
+    scale.say(seen.low, seen.high);
     tracked = true;
     const gaps = ways.features.filter((each) => !each.properties.goes_on).length - 1;
     setText(trackText, gaps < 0 ? t("track_empty") : gaps ? `${t("track_hour")}, ${t("gaps", { n: gaps })}` : t("track_hour"));
