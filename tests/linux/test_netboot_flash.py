@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A board that is started over the network keeps its flash, byte for byte, spare bytes included."""
 
+import hashlib
 from pathlib import Path
 
 from lab.board import ETHERNET, netboot
@@ -35,7 +36,7 @@ def factorys(qemu: Path, uboot: Path, folder: Path) -> NandImage:
 
 def test_netboot_does_not_write(qemu: Path, uboot: Path, tmp_path: Path) -> None:
     nand = factorys(qemu, uboot, tmp_path)
-    before = nand.path.read_bytes()
+    before = hashlib.sha256(nand.path.read_bytes()).hexdigest()
     console = tmp_path / "console.log"
     nics = [word for network in ETHERNET for word in network.arguments({})]
     with Machine(
@@ -45,4 +46,4 @@ def test_netboot_does_not_write(qemu: Path, uboot: Path, tmp_path: Path) -> None
     ) as machine:
         netboot(machine, tmp_path, SYSTEM / "uImage", SYSTEM / "nuc980-gateway.dtb", Progress())
     assert "login: " in console.read_text(errors="replace")
-    assert nand.path.read_bytes() == before
+    assert hashlib.sha256(nand.path.read_bytes()).hexdigest() == before
