@@ -29,7 +29,7 @@ def test_that_may_fail():
 """
 
 
-def run(folder: Path, fail_once: int, fails: bool) -> subprocess.CompletedProcess[str]:
+def run(folder: Path, fail_once: int, fails: bool, *words: str) -> subprocess.CompletedProcess[str]:
     """On tests of which some fail the first time and one fails always, if wanted."""
     file = folder / "test_some.py"
     file.write_text(TESTS.format(fail_once=fail_once, fails=fails))
@@ -37,7 +37,7 @@ def run(folder: Path, fail_once: int, fails: bool) -> subprocess.CompletedProces
         "from times import Times\ndef pytest_configure(config):\n    config.pluginmanager.register(Times())\n"
     )
     return subprocess.run(
-        [sys.executable, ROOT / "tests/alone.py", "-n", "0", "--rootdir", folder, file],
+        [sys.executable, ROOT / "tests/alone.py", "-n", "0", "--rootdir", folder, file, *words],
         env=os.environ | {"OPENRTU_TIMES": str(folder / "some.json"), "PYTHONPATH": str(ROOT / "tests")},
         cwd=folder,
         capture_output=True,
@@ -69,6 +69,18 @@ def test_what_fails_again_fails(tmp_path: Path) -> None:
     assert ran.returncode == 1
     assert "passed only alone: test_some.py::test_that_fails_once[0]" in ran.stdout
     assert "passed only alone: test_some.py::test_that_may_fail" not in ran.stdout
+
+
+@pytest.mark.slow
+def test_what_a_crash_leaves_out_is_not_passed(tmp_path: Path) -> None:
+    """Its worker is gone, and with it the run: the other tests have not been run at all."""
+    crash = f"import os\nfrom pathlib import Path\n\nmark = Path({str(tmp_path / 'ran')!r})\n\n"
+    crash += "def test_that_crashes_once():\n    if not mark.exists():\n        mark.touch()\n"
+    crash += "        os._exit(1)\n"
+    (tmp_path / "test_crash.py").write_text(crash)
+    ran = run(tmp_path, 0, False, "-n", "1", "--max-worker-restart", "0", str(tmp_path / "test_crash.py"))
+    assert ran.returncode != 0, ran.stdout
+    assert "alone" not in ran.stdout
 
 
 @pytest.mark.slow

@@ -53,6 +53,12 @@ class Times:
         self._last: dict[str, tuple[float, str]] = {}  # of each worker the last test: its end, its name
         self._begun_s = time.time()
         self._cpu_before_s = 0.0
+        self._whole = True
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_testnodedown(self, error: object) -> None:
+        """Of xdist: a worker has ended. With one that crashed ends the run, whatever is left."""
+        self._whole = self._whole and not error
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self) -> Generator[None, object, object]:
@@ -87,7 +93,8 @@ class Times:
         if file := os.environ.get("OPENRTU_TIMES"):
             Path(file).parent.mkdir(parents=True, exist_ok=True)
             costs = {test: asdict(cost) for test, cost in self._costs.items()}
-            Path(file).write_text(json.dumps({"begun_s": self._begun_s, "ended_s": ended_s, "costs": costs}))
+            run = {"begun_s": self._begun_s, "ended_s": ended_s, "whole": self._whole, "costs": costs}
+            Path(file).write_text(json.dumps(run))
 
 
 def table(costs: dict[str, Cost], elapsed_s: float) -> Iterable[str]:
@@ -107,10 +114,9 @@ def table(costs: dict[str, Cost], elapsed_s: float) -> Iterable[str]:
 
 
 def failed_tests(file: Path) -> list[str]:
-    """Of the run that left this file; none if it left none."""
-    if not file.exists():
-        return []
-    return [test for test, cost in json.loads(file.read_text())["costs"].items() if cost["failed"]]
+    """Of the run that left this file; none if it left none, or a worker's crash ended it before its time."""
+    run = json.loads(file.read_text()) if file.exists() else {"whole": False}
+    return [test for test, cost in run["costs"].items() if cost["failed"]] if run["whole"] else []
 
 
 def passed_alone(file: Path) -> Iterable[str]:
