@@ -401,9 +401,8 @@ def test_only_what_follows_or_starts_anew_is_believed(bay: Bay) -> None:
         send(recorded, "jumps")
         point = bay.gateway.points("relay.trip")["relay.trip"]
         assert (point["value"], point["quality"]) == ("off", "invalid")
-    assert "relay: stNum 2147483643, sqNum 0 do not follow 20, 2 and are not believed" in bay.gateway.log(
-        10_000
-    )
+    said = "relay: stNum 2147483643, sqNum 0 do not follow 20, 2 and are not believed"
+    bay.gateway.wait_for(lambda: said in bay.gateway.log(10_000), PATIENCE_S, "it is said")
 
 
 def test_process_has_no_rights(bay: Bay) -> None:

@@ -515,13 +515,13 @@ n := n + 1; a[2] := a[2] + n; sum := n + a[2]; END_FUNCTION_BLOCK
 
 
 def test_codes_of_commands_are_those_of_the_map() -> None:
-    text = (ROOT / "package/openrtu/src/map/map.h").read_text()
+    text = (ROOT / "package/openrtu/src/map/codes.h").read_text()
 
-    def names(enumeration: str) -> list[str]:
-        body = re.search(rf"enum {enumeration} \{{(.*?)\}};", text, re.DOTALL)[1]
-        return re.findall(r"\bMAP_\w+(?=,)", re.sub(r"/\*.*?\*/", "", body, flags=re.DOTALL))
+    def names(rows: str) -> dict[int, str]:
+        table = text.partition(f"#define {rows}(ROW)")[2].partition("\n\n")[0]
+        return {int(number): name for name, number in re.findall(r"ROW\((\w+), (\d+),", table)}
 
-    states, results = names("map_command_state"), names("map_command_result")
+    states, results = names("MAP_COMMAND_STATES"), names("MAP_COMMAND_RESULTS")
     assert {name: (states[state], results[result]) for name, (state, result) in ANSWERS.items()} == {
         "DONE": ("MAP_EXECUTED_COMMAND", "MAP_RESULT_DONE"),
         **{
