@@ -303,14 +303,14 @@ async def trends(asked: Asked) -> Any:
         return await _made(asked, order, "text/csv", "trends.csv")
     answered = []
     for point in found:
-        seen = await trend(asked.centre.store, point.id, begin, end, columns)
+        drawn = await trend(asked.centre.store, point.id, begin, end, columns)
         listed = {
             "point": point.id,
             "station": point.station,
             "station_name": names[point.id],
             **point.listed(),
         }
-        answered.append({**listed, **seen.view()})
+        answered.append({**listed, **drawn.view()})
     return {"from": begin // NS_PER_MS, "to": end // NS_PER_MS, "trends": answered}
 
 
@@ -355,19 +355,18 @@ async def events(asked: Asked) -> Any:
         return await _made(asked, order, "text/csv", "events.csv")
     if points is None and "station" in asked.query:
         points = {point.id for point in asked.points() if point.station in stations}
-    store, columns = asked.centre.store, "history.id, history.at_ns / 1000000 AS at, history.point,"
-    columns += " history.value, history.quality, history.cause"
+    store = asked.centre.store
     if points is None:
-        source, wanted = (
-            f"history JOIN points ON points.id = history.point WHERE station {store.among}",
-            stations,
-        )
-        columns += ", points.station"
+        source = f"history JOIN points ON points.id = history.point WHERE station {store.among}"
+        wanted = stations
     elif len(points) <= exports.POINTS_MOST:  # by the index of each
         source, wanted = f"{store.wanted} CROSS JOIN history WHERE history.point = number", points
     else:
         source, wanted = f"history WHERE history.point {store.among}", points
-    sql = f"SELECT {columns} FROM {source}{cause}"
+    sql = (
+        "SELECT history.id, history.at_ns / 1000000 AS at, history.point, history.value, history.quality,"
+        f" history.cause FROM {source}{cause}"
+    )
     rows = await _newest(asked, sql, "history.at_ns", begin, end, json.dumps(list(wanted)))
     for row in rows:
         row["station"] = asked.centre.model.points[row["point"]].station

@@ -50,7 +50,7 @@ class Watcher(Protocol):
     def changed(self, changes: Changes, linked: set[int]) -> None: ...
 
 
-class Person(Protocol):
+class Actor(Protocol):
     """Who does something: a session, or a program that the file lets in."""
 
     @property
@@ -314,7 +314,7 @@ class Centre:
         if not station.up:
             raise RefusedError(409, "not_up", f"{station.settings.name} is not connected: nothing was sent")
 
-    async def command(self, by: Person, point_id: int, value: float) -> Command:
+    async def command(self, by: Actor, point_id: int, value: float) -> Command:
         """Stores and sends a selection, or the command of a point that has none. Never later than now."""
         point = self.point(point_id)
         meaning = point.meaning
@@ -412,7 +412,7 @@ class Centre:
             )
             raise
 
-    async def follow(self, by: Person, id_: int, execute: bool) -> Command:
+    async def follow(self, by: Actor, id_: int, execute: bool) -> Command:
         """Executes or cancels what is selected. Only who selected may; to release it, only somebody else."""
         command = self.model.commands.get(id_)
         if not command or command.state != State.ACCEPTED_SELECTION:
@@ -457,7 +457,7 @@ class Centre:
             )
         return following
 
-    async def interrogate(self, by: Person, station_id: int) -> list[int]:
+    async def interrogate(self, by: Actor, station_id: int) -> list[int]:
         """A general interrogation of each common address that is known of the station."""
         station = self.station(station_id)
         self._check_up(station)
@@ -474,7 +474,7 @@ class Centre:
             )
         return addresses
 
-    async def trace(self, by: Person, station_id: int, after: int) -> list[Json]:
+    async def trace(self, by: Actor, station_id: int, after: int) -> list[Json]:
         """The frames of a station; it is traced from now on, as long as somebody asks."""
         station = self.station(station_id)
         for id_, other in list(self.traces.items()):
@@ -483,7 +483,7 @@ class Centre:
         trace = self.traces.get(station_id) or await self._begin_trace(by, station)
         return trace.after(after)
 
-    async def _begin_trace(self, by: Person, station: Station) -> Trace:
+    async def _begin_trace(self, by: Actor, station: Station) -> Trace:
         """Its place is taken before anything is awaited; no frame comes before the audit has it."""
         if len(self.traces) >= STATIONS_MOST:
             raise RefusedError(409, "busy", f"{STATIONS_MOST} stations are traced already")
@@ -524,7 +524,7 @@ class Centre:
             if record.kind == Kind.OCTETS and record.station in by_place:
                 by_place[record.station].take(record)
 
-    async def acknowledge(self, by: Person, id_: int) -> Alarm:
+    async def acknowledge(self, by: Actor, id_: int) -> Alarm:
         """Who comes second is told who came first."""
 
         def put(database: Database) -> Alarm:
@@ -533,7 +533,7 @@ class Centre:
 
         return await self.change(put)
 
-    async def acknowledge_many(self, by: Person, ids: list[int]) -> list[int]:
+    async def acknowledge_many(self, by: Actor, ids: list[int]) -> list[int]:
         """Those of them that nobody had acknowledged before. One transaction, however many."""
 
         def put(database: Database) -> list[int]:
@@ -565,7 +565,7 @@ class Centre:
                 assert network.acknowledged_by
                 self._acknowledge(database, network.acknowledged_by, part.id)
 
-    async def shelve(self, by: Person, id_: int, minutes: float, why: str) -> Alarm:
+    async def shelve(self, by: Actor, id_: int, minutes: float, why: str) -> Alarm:
         """Out of sight for a time; 0 brings it back."""
 
         def put(database: Database) -> Alarm:

@@ -2,7 +2,7 @@
 """Files that take long, each made by a process of its own: `python -m openrtu_tools.centre.exports`.
 
 It reads one order (JSON) from its input, reads the database, and writes the file to its output, and to stderr
-which part is done, and what went wrong. Its parent passes the octets on, so no page waits for a file.
+which part is done, and what went wrong. Its parent (makers.py) serves the file, so no page waits for one.
 """
 
 from __future__ import annotations
@@ -33,8 +33,7 @@ STRETCH_NS = 60 * 10**9
 NICENESS = 10  # values come first
 ROOM = 4  # a file takes this part of what is free on its disk at most
 POINTS_MOST = 1000  # so many are looked for point by point; of more, all of a time is read
-
-TELL_S = 0.5
+TELL_S = 0.5  # between words of the progress
 
 
 class Progress:

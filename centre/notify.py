@@ -74,7 +74,6 @@ def written(message: Message, sender: str, to: str) -> EmailMessage:
     if content["more"]:
         lines.append(f"and {content['more']} more")
     lines += ["", "Times are UTC. Acknowledge it on the control centre's page.", ""]
-    lines += ["", "Times are UTC. Acknowledge it on the control centre's page.", ""]
     made.set_content("\n".join(lines))
     return made
 

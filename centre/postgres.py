@@ -206,9 +206,11 @@ MIGRATIONS = (
         PRIMARY KEY (point, shift, slot)
     );
     CREATE TABLE unrolled (
-        point BIGINT NOT NULL, shift INTEGER NOT NULL, slot BIGINT NOT NULL,
-        PRIMARY KEY (point, shift, slot)
+        point BIGINT NOT NULL, slot BIGINT NOT NULL,
+        PRIMARY KEY (point, slot)
     );
+    CREATE INDEX unrolled_slot ON unrolled (slot);
+    INSERT INTO unrolled SELECT DISTINCT point, at_ns >> 44 FROM history;
     """,
     """
     ALTER TABLE alarms ADD COLUMN suppressed_by BIGINT;
@@ -249,16 +251,6 @@ MIGRATIONS = (
     );
     CREATE INDEX outbox_waiting ON outbox (target) WHERE ended_ns IS NULL;
     CREATE TABLE told (alarm BIGINT NOT NULL, target TEXT NOT NULL, PRIMARY KEY (alarm, target));
-    """,
-    """
-    DROP TABLE unrolled; -- which marked parts of slots, too
-    DELETE FROM rollup;
-    CREATE TABLE unrolled (
-        point BIGINT NOT NULL, slot BIGINT NOT NULL,
-        PRIMARY KEY (point, slot)
-    );
-    CREATE INDEX unrolled_slot ON unrolled (slot);
-    INSERT INTO unrolled SELECT DISTINCT point, at_ns >> 44 FROM history;
     """,
 )
 

@@ -23,14 +23,23 @@ POINTS_AT_ONCE = 100
 STEP_S = 0.02  # of the writer's time
 REST_NS = 60 * 10**9  # a slot is summed up once it is over for so long
 
+VALID = f"history.quality & {INVALID} = 0"
+
+
+def _all_of(quality: str) -> str:
+    """What any row had."""
+    return " | ".join(f"max({quality} & {bit})" for bit in QUALITIES.values())
+
+
 # Of rows of the history; a value that is not valid has no part in what is the lowest and the highest.
-QUALITY = " | ".join(f"max(quality & {bit})" for bit in QUALITIES.values())
-VALID = f"quality & {INVALID} = 0"
 OF_HISTORY = (
     f"min(CASE WHEN {VALID} THEN value END) AS low, max(CASE WHEN {VALID} THEN value END) AS high,"
-    f" count(*) AS number, {QUALITY} AS quality"
+    f" count(*) AS number, {_all_of('history.quality')} AS quality"
 )
-OF_ROLLUP = f"min(low) AS low, max(high) AS high, CAST(sum(number) AS BIGINT) AS number, {QUALITY} AS quality"
+OF_ROLLUP = (
+    "min(low) AS low, max(high) AS high, CAST(sum(number) AS BIGINT) AS number,"
+    f" {_all_of('quality')} AS quality"
+)
 
 
 def mark(database: Database, rows: Iterable[tuple[int, int]]) -> None:

@@ -183,9 +183,11 @@ MIGRATIONS = (
         PRIMARY KEY (point, shift, slot)
     ) WITHOUT ROWID;
     CREATE TABLE unrolled (
-        point INTEGER NOT NULL, shift INTEGER NOT NULL, slot INTEGER NOT NULL,
-        PRIMARY KEY (point, shift, slot)
+        point INTEGER NOT NULL, slot INTEGER NOT NULL,
+        PRIMARY KEY (point, slot)
     ) WITHOUT ROWID;
+    CREATE INDEX unrolled_slot ON unrolled (slot);
+    INSERT INTO unrolled SELECT DISTINCT point, at_ns >> 44 FROM history;
     """,
     """
     ALTER TABLE alarms ADD COLUMN suppressed_by INTEGER;
@@ -228,16 +230,6 @@ MIGRATIONS = (
     CREATE TABLE told (
         alarm INTEGER NOT NULL, target TEXT NOT NULL, PRIMARY KEY (alarm, target)
     ) WITHOUT ROWID;
-    """,
-    """
-    DROP TABLE unrolled; -- which marked parts of slots, too
-    DELETE FROM rollup;
-    CREATE TABLE unrolled (
-        point INTEGER NOT NULL, slot INTEGER NOT NULL,
-        PRIMARY KEY (point, slot)
-    ) WITHOUT ROWID;
-    CREATE INDEX unrolled_slot ON unrolled (slot);
-    INSERT INTO unrolled SELECT DISTINCT point, at_ns >> 44 FROM history;
     """,
 )
 

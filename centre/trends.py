@@ -180,9 +180,8 @@ async def _of_history(store: Store, point: int, shift: int, begin: int, end: int
 
 async def _of_few(store: Store, point: int, shift: int, begin: int, end: int) -> list[Row]:
     """Out of the slots that have no parts."""
-    of = OF_HISTORY.replace("quality", "history.quality").replace("AS history.", "AS ")
     found = (
-        f"SELECT at_ns >> {shift} AS part, {of}, max(at_ns) AS last_ns FROM rollup CROSS JOIN history"
+        f"SELECT at_ns >> {shift} AS part, {OF_HISTORY}, max(at_ns) AS last_ns FROM rollup CROSS JOIN history"
         f" WHERE rollup.point = ?1 AND shift = {SLOT} AND rollup.number < {MUCH}"
         " AND slot BETWEEN ?4 AND ?5 AND history.point = ?1 AND at_ns BETWEEN ?2 AND ?3"
         f" AND at_ns BETWEEN slot << {SLOT} AND (slot + 1 << {SLOT}) - 1 GROUP BY at_ns >> {shift}"

@@ -76,9 +76,9 @@ class Log:
         self.odd: Place | None = None  # after it, and nothing drives there
         self.cut = False  # there were places between that are not valid
         self.stop: Stop | None = None
-        self.outside: list[
-            tuple[Place, bool]
-        ] = []  # since it may have left the stop; whether the way there is known
+        self.inside: Place | None = None  # of the stop: the last place in it
+        # Since it may have left the stop, with whether the way there is known.
+        self.outside: list[tuple[Place, bool]] = []
         self.trip: Trip | None = None
         self.counted: Place | None = None  # of the trip: up to which the way is measured
         self.rest: Place | None = None  # of the trip: since which it has moved no further than a stop is wide

@@ -17,7 +17,7 @@ from typing import NoReturn
 from aiohttp import web
 
 from nuc980.errors import UnusableInput
-from openrtu_tools.centre import gateways, higher, second, settings, users
+from openrtu_tools.centre import higher, second, settings, users, web_users
 from openrtu_tools.centre.api import ROUTES
 from openrtu_tools.centre.centre import Centre
 from openrtu_tools.centre.certificate import renew, tls_context
@@ -111,7 +111,7 @@ def give_web_users(what: settings.Settings, station: str) -> None:
     """Prints them; who is left out is said beside it."""
     store = open_store(what.database, alone=False)
     try:
-        lines, left_out = store.transaction(lambda database: gateways.users_of(database, what, station))
+        lines, left_out = store.transaction(lambda database: web_users.users_of(database, what, station))
     finally:
         store.close()
     for each in left_out:
