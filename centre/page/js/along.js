@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Values along a track: where was it measured? Each piece of the way has the shade of what held where it begins.
 import { h, setText } from "./dom.js";
+import { firstBeyond } from "./search.js";
 import { t } from "./words.js";
 
 const COLOURS = ["#2f6fdb", "#1d9a6c", "#d4a017", "#d1382c"]; // from the lowest to the highest; light and dark pages show them
@@ -9,12 +10,7 @@ const NONE = -1; // nothing valid is known there
 
 // What held then: the last that came before. Columns are in order of time.
 function heldAt(columns, at) {
-  let low = 0, high = columns.length;
-  while (low < high) {
-    const middle = (low + high) >> 1;
-    if (columns[middle][0] <= at) low = middle + 1; else high = middle;
-  }
-  return low ? columns[low - 1][3] : null;
+  return columns[firstBeyond(columns, at, ([begin]) => begin) - 1]?.[3] ?? null;
 }
 
 // The ways of a vehicle in pieces, each with its shade from 0 to 1, or NONE; the lowest and the highest value that were there.

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The only way elements are made here. Text is text: nothing that a station or a user says becomes markup.
+import { firstBeyond } from "./search.js";
 import { t } from "./words.js";
 
 const SVG = "http://www.w3.org/2000/svg";
@@ -259,17 +260,6 @@ export class Rows {
     }
     return this.rows.get(key).element;
   }
-}
-
-// The place of the first number that is greater.
-function firstBeyond(numbers, wanted) {
-  let [low, high] = [0, numbers.length];
-  while (low < high) {
-    const middle = (low + high) >> 1;
-    if (numbers[middle] <= wanted) low = middle + 1;
-    else high = middle;
-  }
-  return low;
 }
 
 // A dialogue, until it is closed. The focus is then where it came from, or, if that is no longer there, at the beginning of the view.

@@ -2,6 +2,7 @@
 // A time span once more: where each vehicle was, as far as it is known. Nothing is guessed between two places.
 import { h, setText } from "./dom.js";
 import * as live from "./live.js";
+import { firstBeyond } from "./search.js";
 import { t, time } from "./words.js";
 import { fromField, toField, zone } from "./zone.js";
 
@@ -10,17 +11,6 @@ const FRAME_MS = 100;
 const STEPS = 1500; // places of a vehicle, about
 const VEHICLES_MOST = 500; // more are not asked for at once: one is to be chosen
 const HOUR_MS = 3600000;
-
-// The place of the last number that is not greater; -1: there is none.
-function lastBefore(numbers, wanted) {
-  let [low, high] = [0, numbers.length];
-  while (low < high) {
-    const middle = (low + high) >> 1;
-    if (numbers[middle] <= wanted) low = middle + 1;
-    else high = middle;
-  }
-  return low - 1;
-}
 
 export class Replay {
   constructor(changed) {
@@ -119,7 +109,7 @@ export class Replay {
   places() {
     const found = [];
     for (const [id, { name, times, places }] of this.tracks) {
-      const number = lastBefore(times, this.at);
+      const number = firstBeyond(times, this.at) - 1;
       if (number < 0) continue;
       const fresh = this.at - times[number] <= live.session.gap_s * 1000;
       found.push({ id: `p${id}`, name, kind: fresh ? "good" : "old", word: t(fresh ? "good" : "old"), at: times[number], lngLat: places[number], point: live.points.get(id) });
@@ -130,7 +120,7 @@ export class Replay {
   // The way of one until now, with its gaps.
   way(id) {
     const track = this.tracks.get(Number(id.slice(1)));
-    const end = track ? lastBefore(track.times, this.at) + 1 : 0;
+    const end = track ? firstBeyond(track.times, this.at) : 0;
     const features = [];
     track?.begins.forEach((begin, number) => {
       const line = track.places.slice(begin, Math.min(end, track.begins[number + 1] ?? end));

@@ -2,13 +2,14 @@
 // Points of any stations over any time, together. The address keeps what is shown: #trends/points=1,2&span=3600000 follows the
 // clock, #trends/points=1,2&from=…&to=… does not. The centre gives as many columns as the screen has, with the lowest and highest of each.
 import uPlot from "../vendor/uplot.mjs";
-import { HOUR_MS } from "./chart.js";
+import { HOUR_MS, look } from "./chart.js";
 import { CONTENT, LINK } from "./codes.js";
 import { empty, fill, h, Rows, setText, state } from "./dom.js";
 import * as live from "./live.js";
 import { qualityOf, valueText } from "./quality.js";
+import { firstBeyond } from "./search.js";
 import { number, t, time } from "./words.js";
-import { axisTimes, zone } from "./zone.js";
+import { axisTimes } from "./zone.js";
 
 const POINTS_MOST = 8; // that colours and dashes tell apart; the centre answers 12
 const SPANS = [["chart_hour", 1], ["chart_day", 24], ["chart_week", 168], ["trend_month", 730.5], ["trend_year", 8766]];
@@ -40,13 +41,7 @@ export function writeAddress({ points, from, to, follows }) {
 
 // The column in which a time lies; undefined before the first.
 export function columnAt(columns, at) {
-  let [low, high] = [0, columns.length];
-  while (low < high) {
-    const middle = (low + high) >> 1;
-    if (columns[middle][AT] <= at) low = middle + 1;
-    else high = middle;
-  }
-  return columns[low - 1];
+  return columns[firstBeyond(columns, at, (column) => column[AT]) - 1];
 }
 
 // Until when the last value of a trend is known to hold.
@@ -239,10 +234,9 @@ export function showTrends(main, _, argument = "") {
     plot?.destroy();
     plot = null;
     if (!trends.length) return;
-    const colours = getComputedStyle(document.documentElement);
-    const axis = { stroke: colours.getPropertyValue("--muted"), grid: { stroke: colours.getPropertyValue("--line"), width: 1 }, ticks: { show: false }, font: "12px system-ui" };
+    const { colours, axis, tzDate } = look();
     plot = new uPlot({
-      width: Math.max(240, place.clientWidth - 28), height: HEIGHT, legend: { show: false }, tzDate: (second) => uPlot.tzDate(new Date(second * 1000), zone()),
+      width: Math.max(240, place.clientWidth - 28), height: HEIGHT, legend: { show: false }, tzDate,
       cursor: { drag: { x: true, y: false, setScale: false, dist: 6 }, points: { show: false } },
       scales: { x: { time: true, range: (_self, low, high) => [low, high] }, ...Object.fromEntries(scales.map((scale) => [scale, { range: () => bounds(scale) }])) },
       axes: [{ ...axis, space: 90, values: (_, seconds) => axisTimes(seconds) },

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The trips and stops of a vehicle: when, how far, how fast. The rules are the centre's (trips.py).
 import uPlot from "../vendor/uplot.mjs";
-import { HOUR_MS } from "./chart.js";
+import { HOUR_MS, look } from "./chart.js";
 import { empty, h, modal, Rows, setText, th } from "./dom.js";
 import * as live from "./live.js";
 import { age, t, time } from "./words.js";
-import { axisTimes, zone } from "./zone.js";
+import { axisTimes } from "./zone.js";
 
 const SPANS = [["chart_day", 24], ["chart_week", 168], ["trend_month", 730.5]];
 const KMH = 3.6;
@@ -15,11 +15,10 @@ function km(metres) {
 }
 
 function speeds(place, trip) {
-  const colours = getComputedStyle(document.documentElement);
-  const axis = { stroke: colours.getPropertyValue("--muted"), grid: { stroke: colours.getPropertyValue("--line"), width: 1 }, ticks: { show: false }, font: "12px system-ui" };
+  const { colours, axis, tzDate } = look();
   place.replaceChildren();
   new uPlot({
-    width: Math.max(240, place.clientWidth), height: 160, tzDate: (second) => uPlot.tzDate(new Date(second * 1000), zone()), legend: { show: true, live: true },
+    width: Math.max(240, place.clientWidth), height: 160, tzDate, legend: { show: true, live: true },
     axes: [{ ...axis, space: 90, values: (_, seconds) => axisTimes(seconds) }, { ...axis, size: 62 }],
     series: [{ label: t("time"), value: (_, second) => (second === null ? "–" : time(second * 1000)) },
       { label: "km/h", stroke: colours.getPropertyValue("--accent"), width: 1.5, value: (_, speed) => (speed === null ? "–" : speed.toFixed(0)) }],
