@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "map/time_ns.h"
+#include "web/mix.h"
 
 #define LIMITS 3
 
@@ -25,27 +26,18 @@ static struct in6_addr host_of(const struct in6_addr *address)
 	return host;
 }
 
-static uint64_t mix(uint64_t key, const void *octets, size_t size)
-{
-	const uint8_t *octet = octets;
-
-	for (size_t i = 0; i < size; i++)
-		key = (key ^ octet[i]) * UINT64_C(0x100000001b3); /* FNV-1a */
-	return key;
-}
-
 /* Two that have one key are counted together: whoever makes them so waits longer. */
 static uint64_t key_of(uint8_t what, const char *name, const struct in6_addr *address)
 {
-	uint64_t key = mix(UINT64_C(0xcbf29ce484222325), &what, sizeof(what));
+	uint64_t key = web_mix(WEB_MIX_BEGIN, &what, sizeof(what));
 	struct in6_addr host;
 
 	if (address != NULL) {
 		host = host_of(address);
-		key = mix(key, &host, sizeof(host));
+		key = web_mix(key, &host, sizeof(host));
 	}
 	if (name != NULL)
-		key = mix(key, name, strlen(name));
+		key = web_mix(key, name, strlen(name));
 	return key != 0 ? key : 1;
 }
 
@@ -140,8 +132,8 @@ bool web_try_begin(struct web_tries *tries, const char *name, const struct in6_a
 	const int64_t full_ns = tries->hashes_full_ns > now_ns ? tries->hashes_full_ns : now_ns;
 	const int64_t hash_ns = known ? 0 : full_ns - (WEB_HASHES - 1) * WEB_HASH_S * NS_PER_S - now_ns;
 
-	*wait_s =
-	    seconds(hash_ns); /* before anything is counted: strangers have no count that they push out */
+	/* Before anything is counted: strangers have no count that they push out. */
+	*wait_s = seconds(hash_ns);
 	if (*wait_s == 0)
 		*wait_s = seconds(wait_for(tries, limits, count, now_ns));
 	if (*wait_s > 0)

@@ -15,6 +15,7 @@
 #include "modules/web/lists.h"
 #include "rows/rows.h"
 #include "rows/words.h"
+#include "web/mix.h"
 
 #define HASH_OVERHEAD (1u << 20) /* what OpenSSL adds to 128 N r */
 #define COOKIE_MAX    192
@@ -112,15 +113,6 @@ static bool fits(const char *password, const struct web_user *user, bool known)
 
 /* ---- the second factor ------------------------------------------------------------------- */
 
-static uint64_t hash_of(const char *name)
-{
-	uint64_t hash = UINT64_C(0xcbf29ce484222325);
-
-	for (; *name != '\0'; name++)
-		hash = (hash ^ (uint8_t)*name) * UINT64_C(0x100000001b3); /* FNV-1a */
-	return hash;
-}
-
 static bool is_code_of(const struct web_user *user, uint64_t step, const char *code)
 {
 	uint8_t counter[8], mac[EVP_MAX_MD_SIZE];
@@ -141,10 +133,11 @@ static bool is_code(struct http_site *site, const struct web_user *user, const c
 {
 	const struct map_clock clock = map_clock_read(site->map);
 	const uint64_t now = (uint64_t)(map_wall_ns(clock, site->now_ns) / NS_PER_S) / WEB_STEP_S;
+	const uint64_t whose = web_mix(WEB_MIX_BEGIN, user->name, strlen(user->name));
 
 	for (uint64_t step = now - AROUND; step <= now + AROUND; step++)
 		if (is_code_of(user, step, code))
-			return web_step_use(site->used, hash_of(user->name), step);
+			return web_step_use(site->used, whose, step);
 	return false;
 }
 
