@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
+from typing import Any
 
 from playwright.sync_api import Browser, Locator, Page, sync_playwright
 
@@ -25,6 +26,22 @@ def chromium(flags: list[str] = FLAGS) -> Iterator[Browser]:
         browser = playwright.chromium.launch(executable_path=PROGRAM, args=flags, timeout=LIMIT_MS)
         yield browser
         browser.close()
+
+
+@contextlib.contextmanager
+def faultless(browser: Browser, **settings: Any) -> Iterator[Page]:
+    """A page on which no script fails, asks somebody with a dialogue, or is held by the policy."""
+    context = browser.new_context(**{"locale": "en-GB", "timezone_id": "UTC", **settings})
+    page = context.new_page()
+    wrong: list[str] = []
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.on("dialog", lambda dialog: (wrong.append(dialog.message), dialog.dismiss()))
+    page.on(
+        "console", lambda message: wrong.append(message.text) if "Content Security" in message.text else None
+    )
+    yield page
+    context.close()
+    assert wrong == []
 
 
 def log_in(page: Page, port: int, name: str, password: str, view: str = "map") -> None:

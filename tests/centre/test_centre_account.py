@@ -9,7 +9,7 @@ import pyotp
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
-from browser import LIMIT_MS, log_in, tool
+from browser import LIMIT_MS, faultless, log_in, tool
 from control_room import PAGE, PASSWORD, Site
 from lab.centre_client import AnswerError, Client
 
@@ -29,14 +29,9 @@ def site(of_north: Callable[..., Site]) -> Iterator[Site]:
 @pytest.fixture
 def page(browser: Browser, site: Site) -> Iterator[Page]:
     """As an operator, on a telephone."""
-    context = browser.new_context(viewport={"width": 390, "height": 780}, locale="en-GB", timezone_id="UTC")
-    made = context.new_page()
-    wrong: list[str] = []
-    made.on("pageerror", lambda error: wrong.append(str(error)))
-    log_in(made, site.port, "olga", PASSWORD, "stations")
-    yield made
-    context.close()
-    assert wrong == []
+    with faultless(browser, viewport={"width": 390, "height": 780}) as made:
+        log_in(made, site.port, "olga", PASSWORD, "stations")
+        yield made
 
 
 def part(page: Page, title: str) -> Locator:

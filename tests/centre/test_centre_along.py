@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from browser import LIMIT_MS, log_in
+from browser import LIMIT_MS, faultless, log_in
 from control_room import PAGE, PASSWORD, Site, Stations, now_ms, until
 from lab.vehicles import M_ME_TF_1, POSITION, Station, measured, position
 
@@ -24,14 +24,9 @@ def site(of_north: Callable[..., Site]) -> Iterator[Site]:
 
 @pytest.fixture
 def page(browser: Browser, site: Site) -> Iterator[Page]:
-    context = browser.new_context(locale="en-GB", timezone_id="UTC")
-    page = context.new_page()
-    wrong: list[str] = []
-    page.on("pageerror", lambda error: wrong.append(str(error)))
-    log_in(page, site.port, "vera", PASSWORD)
-    yield page
-    context.close()
-    assert wrong == []
+    with faultless(browser) as made:
+        log_in(made, site.port, "vera", PASSWORD)
+        yield made
 
 
 def way(times: list[int]) -> dict[str, Any]:

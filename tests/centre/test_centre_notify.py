@@ -228,6 +228,7 @@ def test_name_makes_no_head_of_a_mail() -> None:
     assert read["Bcc"] is None
     assert read["Subject"] == "[OpenRTU] mill  Bcc: evil@example.org: station lost (and 4 more)"
     assert read["Message-ID"] == "<uid@example.org>"
+    assert read.get_content().count("Times are UTC.") == 1
 
 
 @pytest.mark.parametrize(

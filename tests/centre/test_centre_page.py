@@ -11,7 +11,7 @@ from playwright.sync_api import Browser, Page, Route, expect
 from pmtiles.tile import Compression, TileType, zxy_to_tileid
 from pmtiles.writer import write
 
-from browser import LIMIT_MS, log_in, tool
+from browser import LIMIT_MS, faultless, log_in, tool
 from control_room import PAGE, PASSWORD, POINTS, Site, Stations, described, now_ms, until
 from lab.centre_client import AnswerError
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, POSITION, Station, measured, position, single
@@ -86,21 +86,10 @@ def asked() -> list[str]:
 @pytest.fixture
 def page(browser: Browser, site: Site, asked: list[str]) -> Iterator[Page]:
     """Logged in as an operator; no script fails, and no dialogue of the browser opens."""
-    context = browser.new_context(
-        viewport={"width": 1100, "height": 700}, locale="en-GB", color_scheme="dark", timezone_id="UTC"
-    )
-    made = context.new_page()
-    wrong: list[str] = []
-    made.on("request", lambda request: asked.append(request.url))
-    made.on("pageerror", lambda error: wrong.append(str(error)))
-    made.on("dialog", lambda dialog: (wrong.append(dialog.message), dialog.dismiss()))
-    made.on(
-        "console", lambda message: wrong.append(message.text) if "Content Security" in message.text else None
-    )
-    log_in(made, site.port, "olga", PASSWORD, "stations")
-    yield made
-    context.close()
-    assert wrong == []
+    with faultless(browser, viewport={"width": 1100, "height": 700}, color_scheme="dark") as made:
+        made.on("request", lambda request: asked.append(request.url))
+        log_in(made, site.port, "olga", PASSWORD, "stations")
+        yield made
 
 
 def view(page: Page, name: str) -> None:

@@ -11,7 +11,7 @@ from urllib.parse import quote, urlsplit
 import pytest
 from playwright.sync_api import Browser, CDPSession, Locator, Page, Route, expect
 
-from browser import LIMIT_MS, log_in
+from browser import LIMIT_MS, faultless, log_in
 from control_room import PASSWORD, Site, Stations, described, now_ms, until
 from hostile_pictures import HOSTILE, ODD, PLAIN
 from lab.centre_client import AnswerError
@@ -101,21 +101,12 @@ def asked() -> list[str]:
 
 def opened(browser: Browser, site: Site, asked: list[str], user: str, **keys: Any) -> Iterator[Page]:
     """Logged in; no script fails or runs that is not ours, and the policy was not needed."""
-    context = browser.new_context(**{"viewport": {"width": 1100, "height": 700}, "locale": "en-GB", **keys})
-    made = context.new_page()
-    wrong: list[str] = []
-    made.add_init_script("window.ran = () => { window.hasRun = true; };")
-    made.on("request", lambda request: asked.append(request.url))
-    made.on("pageerror", lambda error: wrong.append(str(error)))
-    made.on("dialog", lambda dialog: (wrong.append(dialog.message), dialog.dismiss()))
-    made.on(
-        "console", lambda message: wrong.append(message.text) if "Content Security" in message.text else None
-    )
-    log_in(made, site.port, user, PASSWORD, "stations")
-    yield made
-    assert made.evaluate("window.hasRun") is None
-    context.close()
-    assert wrong == []
+    with faultless(browser, **{"viewport": {"width": 1100, "height": 700}, **keys}) as made:
+        made.add_init_script("window.ran = () => { window.hasRun = true; };")
+        made.on("request", lambda request: asked.append(request.url))
+        log_in(made, site.port, user, PASSWORD, "stations")
+        yield made
+        assert made.evaluate("window.hasRun") is None
     hosts = {urlsplit(url).netloc for url in asked if not url.startswith(("blob:", "data:"))}
     assert hosts == {f"127.0.0.1:{site.port}"}
 

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from browser import LIMIT_MS, log_in
+from browser import LIMIT_MS, faultless, log_in
 from control_room import PAGE, PASSWORD, Site, Stations, described, until
 from lab.centre_client import AnswerError
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, POSITION, Station, measured, position, single
@@ -125,14 +125,9 @@ def test_point_that_is_not_there_is_not_there(site: Site) -> None:
 
 @pytest.fixture
 def page(browser: Browser, site: Site) -> Iterator[Page]:
-    context = browser.new_context(viewport={"width": 1200, "height": 800}, locale="en-GB", timezone_id="UTC")
-    made = context.new_page()
-    wrong: list[str] = []
-    made.on("pageerror", lambda error: wrong.append(str(error)))
-    log_in(made, site.port, "vera", PASSWORD, "trends")
-    yield made
-    context.close()
-    assert wrong == []
+    with faultless(browser, viewport={"width": 1200, "height": 800}) as made:
+        log_in(made, site.port, "vera", PASSWORD, "trends")
+        yield made
 
 
 def span_of(page: Page) -> tuple[float, float]:
