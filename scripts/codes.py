@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The numbers that C shares with Python, JavaScript, the MIB, the schema and the pages: C's are the source.
 
-codes.py [TREE]: writes what is made from them into the tree, and names each file that changed.
-tests/test_codes.py compares.
+codes.py [--check] [TREE]: writes what is made from them into the tree, and names each file that changed.
+With --check it writes nothing, and ends with 1 if a file is not as it would be made.
 """
 
 from __future__ import annotations
 
+import argparse
 import ast
 import json
 import re
@@ -52,16 +53,16 @@ class Tree:
 
     def __init__(self, root: Path) -> None:
         self.root = root
-        self.changed: list[str] = []
 
     def read(self, path: str) -> str:
         return (self.root / path).read_text(encoding="utf-8")
 
-    def write(self, path: str, text: str) -> None:
+    def has(self, path: str, text: str) -> bool:
         file = self.root / path
-        if not file.exists() or file.read_text(encoding="utf-8") != text:
-            file.write_text(text, encoding="utf-8")
-            self.changed.append(path)
+        return file.exists() and file.read_text(encoding="utf-8") == text
+
+    def write(self, path: str, text: str) -> None:
+        (self.root / path).write_text(text, encoding="utf-8")
 
     def rows(self, macro: str, prefix: str = "MAP_") -> Table:
         """Of codes.h; a row without a number has that of its place."""
@@ -389,14 +390,22 @@ MAKERS: dict[str, Callable[[Tree], str]] = {
 }
 
 
-def make(root: Path) -> list[str]:
-    """Writes all that is made; the files that changed."""
-    tree = Tree(root)
+def main() -> int:
+    words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    words.add_argument("--check", action="store_true", help="write nothing")
+    words.add_argument("tree", nargs="?", default=".", type=Path)
+    given = words.parse_args()
+    tree = Tree(given.tree)
+    old = 0
     for path, maker in MAKERS.items():
-        tree.write(path, maker(tree))
-    return tree.changed
+        text = maker(tree)
+        if not tree.has(path, text):
+            old += 1
+            print(path)
+            if not given.check:
+                tree.write(path, text)
+    return 1 if given.check and old else 0
 
 
 if __name__ == "__main__":
-    for changed in make(Path(sys.argv[1] if len(sys.argv) > 1 else ".")):
-        print(changed)
+    sys.exit(main())

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from codes import CODES, SRC, make
+from codes import CODES, SRC
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.modules import place, program
 
@@ -86,7 +86,7 @@ def test_a_type_and_a_bit_touch_few_files(copy: Copy, directory: Path) -> None:
         (ROOT / "docs/development.md").read_text().partition("\n## Add a number\n")[2].partition("\n## ")[0]
     )
     assert [path for path in copy.touched if path.removeprefix(SRC) not in page] == []
-    make(copy.root)
+    said([sys.executable, ROOT / "scripts" / "codes.py", copy.root])
     check_made(copy.root)
     build = built(copy.root)
     check_gateway(copy.root, build, directory)

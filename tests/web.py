@@ -151,14 +151,20 @@ class Client:
 class Page(Substation):
     port: int
     folder: Path
-    clients: int = 0
+    addresses: Iterator[str] = field(default_factory=lambda: (f"127.0.1.{last}" for last in range(1, 255)))
+    homes: dict[str, str] = field(default_factory=dict)
 
-    def client(self, role: str = "") -> Client:
-        """Each from an address of its own: logins are counted by address."""
-        self.clients += 1
-        made = Client(self.port, self.folder / "web.pem", f"127.0.1.{self.clients}")
-        if role:
-            assert made.log_in(role).status == 200
+    def client(self, name: str = "") -> Client:
+        """A name logs in from one address, where the page knows it: only so many strangers may at once.
+
+        Who has no name yet has another address each time: guesses are counted by address.
+        """
+        address = self.homes.get(name) or next(self.addresses)
+        made = Client(self.port, self.folder / "web.pem", address)
+        if name:
+            self.homes[name] = address
+            answer = made.log_in(name)
+            assert answer.status == 200, answer.text
         return made
 
 
