@@ -29,33 +29,18 @@ endif
 	PYTHONPATH=scripts $(PYTHON) -m image.update $(IMAGE_FOLDER) --board nuc980-$(BOARD) --site '$(notdir $(SITE_SETTINGS))' \
 	  --key '$(KEY)' --certificate '$(CERTIFICATE)' --out $(SYSTEM).swu
 
-build/busybox/done: scripts/build-busybox.sh board/nuc980/busybox.config build/busybox/debian.dsc | $(SYSROOT)
-	$(LOGGED) busybox scripts/build-busybox.sh build/busybox/debian $(@D)
-	@touch $@
+# Programs and libraries of others: a row each in scripts/for-board.
+FOR_BOARD := busybox swupdate curl chrony net-snmp libmicrohttpd
 
-build/swupdate/done: scripts/build-swupdate.sh board/nuc980/swupdate.config build/swupdate/debian.dsc | $(SYSROOT)
-	$(LOGGED) swupdate scripts/build-swupdate.sh build/swupdate/debian $(@D)
-	@touch $@
-
-build/curl/done: scripts/build-curl.sh build/curl/debian.dsc | $(SYSROOT)
-	$(LOGGED) curl scripts/build-curl.sh build/curl/debian $(@D)
-	@touch $@
-
+build/busybox/done build/swupdate/done: build/%/done: board/nuc980/%.config
 # Into the sysroot, so once more when that is another.
-build/net-snmp/done: scripts/build-net-snmp.sh build/net-snmp/debian.dsc $(SYSROOT)
-	$(LOGGED) net-snmp scripts/build-net-snmp.sh build/net-snmp/debian $(@D)
+build/net-snmp/done build/libmicrohttpd/done: $(SYSROOT)
+$(FOR_BOARD:%=build/%/done): build/%/done: scripts/build-for-board.sh scripts/for-board/%.sh build/%/debian.dsc | $(SYSROOT)
+	$(LOGGED) $* scripts/build-for-board.sh $* build/$*/debian $(@D)
 	@touch $@
 
-build/net-snmp-agent/done: build/net-snmp/done
-	$(LOGGED) net-snmp-agent scripts/build-net-snmp.sh build/net-snmp/debian $(@D) agent
-	@touch $@
-
-build/libmicrohttpd/done: scripts/build-libmicrohttpd.sh build/libmicrohttpd/debian.dsc $(SYSROOT)
-	$(LOGGED) libmicrohttpd scripts/build-libmicrohttpd.sh build/libmicrohttpd/debian $(@D)
-	@touch $@
-
-build/chrony/done: scripts/build-chrony.sh build/chrony/debian.dsc | $(SYSROOT)
-	$(LOGGED) chrony scripts/build-chrony.sh build/chrony/debian $(@D)
+build/net-snmp-agent/done: scripts/for-board/net-snmp-agent.sh build/net-snmp/done
+	$(LOGGED) net-snmp-agent scripts/build-for-board.sh net-snmp-agent build/net-snmp/debian $(@D)
 	@touch $@
 
 build/root/packages.done: board/nuc980/system.toml scripts/debian-package.sh | $(EMULATED)
