@@ -105,29 +105,53 @@ def _twice(group: Sequence[Setting]) -> list[str]:
 
 
 def check_known(root: Path) -> list[str]:
-    """Every symbol exists in what is pinned, or in our own packages."""
-    own = set()
-    for file in [root / "br2-external" / "Config.in", *(root / "package").glob("*/Config.in")]:
-        own |= (
-            set(re.findall(r"^\s*config (\w+)", file.read_text(), re.MULTILINE)) if file.is_file() else set()
-        )
-    buildroot = symbols_in(root / "configs" / "buildroot-symbols.txt") | own
-    linux = {f"CONFIG_{name}" for name in symbols_in(root / "configs" / "linux-symbols.txt")}
-    return [
-        f"{each.place}: there is no symbol {each.symbol}"
-        for files, known in (
-            ([*defconfigs(root), *parts(root)], buildroot),
-            (fragments(root), linux),
-        )
-        for file in files
-        for each in settings(file)
-        if each.symbol not in known
-    ]
+    """Every symbol was seen in what is pinned, or is our own packages'; what nobody sets is in no list."""
+    found = []
+    for file, used in (
+        (buildroot_list(root), buildroot_settings(root)),
+        (linux_list(root), linux_settings(root)),
+    ):
+        known = symbols_in(file)
+        found += [
+            f"{each.place}: {each.symbol} is not in {file.name}; write it anew, if the release has it"
+            for each in used
+            if name_of(each) not in known
+        ]
+        idle = known - {name_of(each) for each in used}
+        found += [f"configs/{file.name}:1: nothing sets {name}" for name in sorted(idle)]
+    return found
+
+
+def buildroot_list(root: Path) -> Path:
+    return root / "configs" / "buildroot-symbols.txt"
+
+
+def linux_list(root: Path) -> Path:
+    return root / "configs" / "linux-symbols.txt"
 
 
 def symbols_in(file: Path) -> set[str]:
     """The names of a list that scripts/image/symbols.py has written."""
     return {line for line in file.read_text().splitlines() if not line.startswith("#")}
+
+
+def name_of(setting: Setting) -> str:
+    """As Kconfig has it: Linux adds a word in front."""
+    return setting.symbol.removeprefix("CONFIG_")
+
+
+def buildroot_settings(root: Path) -> list[Setting]:
+    """Of all defconfigs and their parts, but for our own packages."""
+    own: set[str] = set()
+    for file in [root / "br2-external" / "Config.in", *(root / "package").glob("*/Config.in")]:
+        if file.is_file():
+            own |= set(re.findall(r"^\s*config (\w+)", file.read_text(), re.MULTILINE))
+    files = [*defconfigs(root), *parts(root)]
+    return [each for file in files for each in settings(file) if each.symbol not in own]
+
+
+def linux_settings(root: Path) -> list[Setting]:
+    return [each for file in fragments(root) for each in settings(file)]
 
 
 def makefiles(root: Path) -> str:

@@ -275,8 +275,12 @@ def main(words: Sequence[str] | None = None) -> int:
     gateway.add_argument("site", type=Path, help="the folder with its settings")
     make = commands.add_parser("make", help="fill an empty folder")
     make.add_argument("--packages", type=Path, required=True, metavar="DIR", help="the packages, unpacked")
-    make.add_argument("--busybox", type=Path, required=True, metavar="DIR", help="busybox of build-for-board.sh")
-    make.add_argument("--chrony", type=Path, required=True, metavar="DIR", help="chrony of build-for-board.sh")
+    make.add_argument(
+        "--busybox", type=Path, required=True, metavar="DIR", help="busybox of build-for-board.sh"
+    )
+    make.add_argument(
+        "--chrony", type=Path, required=True, metavar="DIR", help="chrony of build-for-board.sh"
+    )
     make.add_argument("--gateway", type=Path, required=True, metavar="DIR", help="where it was installed to")
     make.add_argument("--swupdate", type=Path, metavar="DIR", help="swupdate of build-for-board.sh")
     make.add_argument("--curl", type=Path, metavar="DIR", help="curl of build-for-board.sh")

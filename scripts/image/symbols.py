@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """
 python3 -m image.symbols BUILDROOT_DIR [LINUX_DIR]: writes configs/buildroot-symbols.txt and, if LINUX_DIR is
-given, configs/linux-symbols.txt: the names that a defconfig or a kernel fragment may set. `make test` checks
-the configurations against these lists, without any checkout.
+given, configs/linux-symbols.txt: what our defconfigs, their parts and the kernel fragments set and the pinned
+release knows. By them `make test` finds, without a checkout, what is misspelt or gone from a new release.
 
-Only names are kept, one a line. A name counts if Kconfig would read it: the files are followed from the top
-through their `source` lines, for this processor. Legacy symbols are left out: Buildroot refuses to build with
-one.
+A name is known if Kconfig would read it: the files are followed from the top through their `source` lines,
+for this processor. Legacy symbols are left out: Buildroot refuses to build with one.
 """
 
 from __future__ import annotations
@@ -16,9 +15,17 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from image.checks import (
+    Setting,
+    buildroot_list,
+    buildroot_settings,
+    linux_list,
+    linux_settings,
+    name_of,
+)
 from nuc980.errors import UnusableInput
 
-CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+ROOT = Path(__file__).resolve().parents[2]
 # Where Buildroot has written of our own packages and its list of toolchains; Config.in.legacy is not for use.
 NOT_ITS_OWN = re.compile(r"\.br2-external\.|Config\.in\.legacy")
 LINE = re.compile(
@@ -64,13 +71,14 @@ def _replaced(name: str, variables: dict[str, str]) -> str:
     return re.sub(r"\$\(?(\w+)\)?", lambda found: variables.get(found[1], ""), name).lstrip("/")
 
 
-def write(file: Path, origin: str, found: set[str]) -> None:
+def write(file: Path, origin: str, known: set[str], used: list[Setting]) -> None:
+    kept = known & {name_of(each) for each in used}
     head = (
         "# SPDX-License-Identifier: GPL-3.0-or-later\n"
-        f"# The symbols of {origin}; written by scripts/image/symbols.py.\n"
+        f"# What is set here and {origin} knows; written by scripts/image/symbols.py.\n"
     )
-    file.write_text(head + "".join(f"{name}\n" for name in sorted(found)), encoding="utf-8")
-    print(f"{file}: {len(found)} symbols of {origin}")
+    file.write_text(head + "".join(f"{name}\n" for name in sorted(kept)), encoding="utf-8")
+    print(f"{file}: {len(kept)} of {len(known)} symbols of {origin}")
 
 
 def makefile_value(folder: Path, expression: str) -> str:
@@ -90,12 +98,13 @@ def main(words: list[str]) -> int:
     try:
         buildroot = Path(words[0])
         release = makefile_value(buildroot, r"^export BR2_VERSION := (\S+)$")
-        write(CONFIGS / "buildroot-symbols.txt", f"Buildroot {release}", names(buildroot, "Config.in", {}))
+        known = names(buildroot, "Config.in", {})
+        write(buildroot_list(ROOT), f"Buildroot {release}", known, buildroot_settings(ROOT))
         if len(words) == 2:
             linux = Path(words[1])
             version = makefile_value(linux, r"^VERSION = (\d+)\nPATCHLEVEL = (\d+)\nSUBLEVEL = (\d+)$")
-            found = names(linux, "Kconfig", {"SRCARCH": "arm", "HEADER_ARCH": "arm"})
-            write(CONFIGS / "linux-symbols.txt", f"the vendor's Linux {version}", found)
+            known = names(linux, "Kconfig", {"SRCARCH": "arm", "HEADER_ARCH": "arm"})
+            write(linux_list(ROOT), f"the vendor's Linux {version}", known, linux_settings(ROOT))
     except UnusableInput as error:
         print(f"symbols: {error}", file=sys.stderr)
         return 2

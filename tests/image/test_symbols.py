@@ -42,13 +42,18 @@ def test_names_are_what_kconfig_reads(source: Path) -> None:
     assert found == {"FIRST", "SECOND", "INDENTED", "SUB", "OURS"}
 
 
-def test_list_is_written(source: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (source / "Config.in").write_text("config B\nconfig A\n")
-    monkeypatch.setattr(symbols, "CONFIGS", tmp_path)
+def test_what_is_set_and_known_is_listed(
+    source: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (source / "Config.in").write_text("config BR2_B\nconfig BR2_A\nconfig BR2_NOT_SET\n")
+    configs = tmp_path / "configs"
+    configs.mkdir()
+    (configs / "board_defconfig").write_text("BR2_A=y\n# BR2_B is not set\nBR2_MISSPELT=y\n")
+    monkeypatch.setattr(symbols, "ROOT", tmp_path)
     assert symbols.main([str(source)]) == 0
-    lines = (tmp_path / "buildroot-symbols.txt").read_text().splitlines()
+    lines = (configs / "buildroot-symbols.txt").read_text().splitlines()
     assert "Buildroot 2026.02.3" in lines[1]
-    assert lines[2:] == ["A", "B"]
+    assert lines[2:] == ["BR2_A", "BR2_B"]
 
 
 @pytest.mark.parametrize("words", [[], ["--help"], ["a", "b", "c"], ["/nowhere"]])
