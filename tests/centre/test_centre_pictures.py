@@ -366,6 +366,38 @@ def test_zoom_and_pan(plant: Page) -> None:
     assert plant.locator("dialog").count() == 0
 
 
+def test_dragged_it_is_moved_whole_and_at_rest_drawn_sharp(
+    plant: Page, stations: Stations, north: Station
+) -> None:
+    """A drag draws nothing anew but what changes; at its end what is seen is drawn for that place."""
+    drawing, host = plant.locator(".drawing svg"), plant.locator(".drawing")
+    plant.get_by_role("button", name="Larger").click()
+    before = drawing.get_attribute("viewBox")
+    box = host.bounding_box()
+    assert box
+    x, y = box["x"] + 5, box["y"] + 5
+    plant.mouse.move(x, y)
+    plant.mouse.down()
+    plant.mouse.move(x + 40, y + 30, steps=4)
+    until(lambda: drawing.get_attribute("class") == "dragged", "it is dragged")
+    assert drawing.get_attribute("viewBox") == before
+    assert drawing.evaluate("one => getComputedStyle(one).willChange") == "transform"
+    assert drawing.evaluate("one => new DOMMatrix(getComputedStyle(one).transform).e") == 40
+    say(stations, north, level=3.5)
+    expect(part(plant, "level")).to_have_text("level 3.50 m")
+    plant.mouse.up()
+    plant.mouse.move(1, 1)
+    expect(drawing).not_to_have_class("dragged")
+    view = str(drawing.get_attribute("viewBox"))
+    assert view != before
+    assert drawing.evaluate("one => one.style.transform") == ""
+    seen = host.screenshot()
+    drawing.evaluate("one => one.setAttribute('viewBox', '0 0 100 100')")
+    assert host.screenshot() != seen
+    drawing.evaluate("(one, view) => one.setAttribute('viewBox', view)", view)
+    assert host.screenshot() == seen
+
+
 def test_in_the_dark_paper_is_dark_and_colours_are_colours(plant: Page) -> None:
     def fill(name: str) -> str:
         return str(part(plant, name).evaluate("one => getComputedStyle(one).fill"))

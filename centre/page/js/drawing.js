@@ -48,6 +48,7 @@ function rulesOf(css) {
 const OURS = `
 :host { display: block; position: absolute; inset: 0; contain: strict; touch-action: none; }
 svg { width: 100%; height: 100%; display: block; user-select: none; }
+svg.dragged { will-change: transform; overflow: visible; }
 [tabindex] { outline: none; }
 [tabindex]:focus-visible { outline: 2px solid var(--accent); outline-offset: 2px; }
 [data-acts] { cursor: pointer; }

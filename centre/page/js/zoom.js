@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Zoom and pan of a drawing, by its view box: wheel, fingers, buttons and keys.
+// Zoom and pan of a drawing: wheel, fingers, buttons and keys. At rest its view box says what is seen. While one
+// finger drags, a picture of it is moved as a whole, and not drawn anew for each frame.
 
 const STEP = 1.25, MOST = 40, MOVED_PX = 5;
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
@@ -11,7 +12,7 @@ export class Zoom {
     this.root = root;
     const { x, y, width, height } = root.viewBox.baseVal;
     this.whole = { x, y, width, height };
-    this.view = { ...this.whole };
+    this.view = this.drawn = { ...this.whole }; // what is seen, and what is drawn so
     this.pointers = new Map();
     this.dragged = false; // the click that follows is none
     const on = (name, handler, options) => host.addEventListener(name, handler, { ...options, signal: this.ending.signal });
@@ -19,7 +20,7 @@ export class Zoom {
     on("wheel", (event) => this.wheel(event), { passive: false });
     on("pointerdown", (event) => this.down(event));
     on("pointermove", (event) => this.move(event));
-    for (const name of ["pointerup", "pointercancel", "lostpointercapture"]) on(name, (event) => this.pointers.delete(event.pointerId));
+    for (const name of ["pointerup", "pointercancel", "lostpointercapture"]) on(name, (event) => this.up(event));
     on("click", (event) => this.dragged && event.stopPropagation(), { capture: true });
   }
 
@@ -45,14 +46,34 @@ export class Zoom {
   }
 
   // Nothing is lost from sight: a part of the drawing stays in it.
-  show(view) {
+  look(view) {
     const { whole } = this;
     view.width = Math.min(Math.max(view.width, whole.width / MOST), whole.width * 2);
     view.height = (view.width * whole.height) / whole.width;
     view.x = Math.min(Math.max(view.x, whole.x - view.width * 0.75), whole.x + whole.width - view.width * 0.25);
     view.y = Math.min(Math.max(view.y, whole.y - view.height * 0.75), whole.y + whole.height - view.height * 0.25);
     this.view = view;
-    this.root.setAttribute("viewBox", `${view.x} ${view.y} ${view.width} ${view.height}`);
+  }
+
+  show(view) {
+    this.look(view);
+    this.draw();
+  }
+
+  draw() {
+    const { x, y, width, height } = this.view;
+    this.root.setAttribute("viewBox", `${x} ${y} ${width} ${height}`);
+    this.root.classList.remove("dragged");
+    this.root.style.removeProperty("transform");
+    this.drawn = this.view;
+  }
+
+  // What is drawn, at another place.
+  slide(x, y, unit) {
+    this.look({ ...this.view, x: this.view.x + x, y: this.view.y + y });
+    const { view, drawn } = this;
+    this.root.classList.add("dragged");
+    this.root.style.setProperty("transform", `translate(${(drawn.x - view.x) / unit}px, ${(drawn.y - view.y) / unit}px)`);
   }
 
   by(factor, at = [this.view.x + this.view.width / 2, this.view.y + this.view.height / 2]) {
@@ -76,6 +97,11 @@ export class Zoom {
     this.pointers.set(event.pointerId, event);
   }
 
+  up(event) {
+    this.pointers.delete(event.pointerId);
+    if (this.view !== this.drawn) this.draw();
+  }
+
   move(event) {
     const before = this.pointers.get(event.pointerId);
     if (!before) return;
@@ -89,8 +115,8 @@ export class Zoom {
       this.by(apart(event) / apart(before), this.at((event.clientX + other.clientX) / 2, (event.clientY + other.clientY) / 2));
     }
     const { unit } = this.scale();
-    const part = other ? 2 : 1;
-    this.pan((-dx * unit) / part, (-dy * unit) / part);
+    if (other) this.pan((-dx * unit) / 2, (-dy * unit) / 2);
+    else this.slide(-dx * unit, -dy * unit, unit);
     this.pointers.set(event.pointerId, event);
   }
 
