@@ -25,6 +25,7 @@ from openrtu_tools.centre.errors import CentreError, RefusedError
 from openrtu_tools.centre.model import NS_PER_MS, Changes, Json
 from openrtu_tools.centre.settings import Mqtt
 from openrtu_tools.centre.store import Database
+from openrtu_tools.centre.users import BUS
 
 log = logging.getLogger("centre")
 
@@ -58,7 +59,7 @@ class Bus:
     connection it is told all.
     """
 
-    user = "mqtt"  # in the audit
+    user = BUS  # in the audit
 
     def __init__(self, centre: Centre, settings: Mqtt) -> None:
         self.centre = centre

@@ -14,7 +14,7 @@ from functools import partial
 from itertools import count
 from typing import Any, Protocol, TypeVar
 
-from openrtu_tools.centre import records
+from openrtu_tools.centre import records, users
 from openrtu_tools.centre.alarms import NETWORK
 from openrtu_tools.centre.codes import Ask, Kind, Result, State
 from openrtu_tools.centre.database import open_store
@@ -437,6 +437,8 @@ class Centre:
             now = self.intake.model.commands.get(id_)
             if not now or now.state != State.ACCEPTED_SELECTION:
                 raise RefusedError(409, "not_selected", f"command {id_} is not selected any more")
+            if execute and now.release:
+                self._check_may(database, now.user, station)
             text = f"{point.meaning.name} = {command.value:g}"
             audit(database, time.time_ns(), by.user, action, text, station.id)
             following = replace(now, state=state, changed_ns=time.time_ns())
@@ -456,6 +458,12 @@ class Centre:
                 ),
             )
         return following
+
+    def _check_may(self, database: Database, user: str, station: Station) -> None:
+        """Who asked for a command may have been removed since, or limited."""
+        by_bus = user == users.BUS and self.settings.mqtt and self.settings.mqtt.commands
+        if not by_bus and not users.may_command(database, user, station):
+            raise RefusedError(409, "withdrawn", f"{user} may not command it any more: cancel it")
 
     async def interrogate(self, by: Actor, station_id: int) -> list[int]:
         """A general interrogation of each common address that is known of the station."""

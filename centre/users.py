@@ -20,7 +20,7 @@ PASSWORD_LEAST = 10
 SCRYPT = {"n": 2**14, "r": 8, "p": 1}
 NAME_MOST = 64
 PROVIDED = "oidc:"  # begins the name of a provider's user, and of nobody else
-
+BUS = "mqtt"  # who commands by the broker, and no user
 
 SESSIONS_MOST = 50  # of a user, and as many tokens
 
@@ -81,6 +81,9 @@ def put(
         raise RefusedError(400, "role", f"{role} is no role: {', '.join(ROLES)}")
     if not name.strip() or len(name) > NAME_MOST or not name.isprintable():
         raise RefusedError(400, "name", f"a name has 1 to {NAME_MOST} characters that can be printed")
+    before = row_of(database, name)
+    if name == BUS and not before:
+        raise RefusedError(400, "name", f"{BUS} is who commands by the broker: choose another name")
     if password is not None:
         _check_password(password)
     if wanted and role == ROLES[-1]:
@@ -88,7 +91,6 @@ def put(
         raise RefusedError(400, "groups", f"the role {role} sees all stations: give no groups")
     if any(not group or "\n" in group for group in wanted):
         raise RefusedError(400, "groups", "a group is a word of the centre's file")
-    before = row_of(database, name)
     if before["subject"] if before else name.startswith(PROVIDED):
         as_before = before and (role, "\n".join(wanted)) == (before["role"], before["groups"])
         if password is not None or not as_before:
@@ -147,6 +149,14 @@ def fits(password: str, row: Row | None) -> bool:
 def row_of(database: Database, name: str) -> Row | None:
     row = database.execute("SELECT * FROM users WHERE name = ?", (name,)).fetchone()
     return dict(row) if row else None
+
+
+def may_command(database: Database, name: str, station: Station) -> bool:
+    """Now, whatever it was when something began."""
+    row = row_of(database, name)
+    if not row or row["disabled"] or not _least(row["role"], "operator"):
+        return False
+    return not row["groups"] or station.settings.group in row["groups"].split("\n")
 
 
 # ---- users of a provider -------------------------------------------------------------------------

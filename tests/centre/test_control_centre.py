@@ -297,6 +297,48 @@ def test_second_person_releases_what_knows_no_selection(site: Site, operator: Cl
     assert refused.value.code == "not_selected"
 
 
+@pytest.mark.parametrize("change", ["removed", "disabled", "viewer", "of another group"])
+@pytest.mark.parametrize("name", ["south pump", "south lamp"])
+def test_nobody_releases_a_command_of_who_may_not_command_any_more(
+    site: Site, south: Station, name: str, change: str
+) -> None:
+    """Selected at the station, or held by the centre."""
+    south.commanded.clear()
+    engineer = site.client("emil")
+    as_before = {"name": "ina", "role": "operator", "groups": []}
+    engineer.post("/api/users", {**as_before, "password": PASSWORD, **CONFIRMED})
+    insider = site.client("ina")
+    command = insider.post("/api/commands", {"point": point(insider, name)["id"], "value": 1})
+    in_state(engineer, command["id"], State.ACCEPTED_SELECTION)
+    changes: dict[str, dict[str, Any]] = {
+        "disabled": {"disabled": True},
+        "viewer": {"role": "viewer"},
+        "of another group": {"groups": ["gas"]},
+    }
+    if change == "removed":
+        engineer.post("/api/users/ina/remove", CONFIRMED)
+    else:
+        engineer.post("/api/users", {**as_before, **changes[change], **CONFIRMED})
+    omar = site.client("omar")
+    with pytest.raises(AnswerError) as refused:
+        omar.post(f"/api/commands/{command['id']}/execute")
+    assert (refused.value.status, refused.value.code) == (409, "withdrawn")
+    omar.post(f"/api/commands/{command['id']}/cancel")
+    in_state(engineer, command["id"], State.INTERRUPTED_SELECTION)
+    assert not south.commanded
+    if change != "removed":
+        engineer.post("/api/users/ina/remove", CONFIRMED)
+
+
+def test_nobody_is_named_as_the_bus(site: Site) -> None:
+    """Whose commands would be this user's."""
+    with pytest.raises(AnswerError) as refused:
+        site.client("emil").post(
+            "/api/users", {"name": "mqtt", "role": "operator", "password": PASSWORD, **CONFIRMED}
+        )
+    assert refused.value.code == "name"
+
+
 def test_clock_of_a_station(stations: Stations, operator: Client, south: Station) -> None:
     """An event that waited for long does not make it wrong."""
     for ahead in (-7_200_000, 0, 90_000, -500):
