@@ -290,7 +290,7 @@ class SqliteStore(Store):
 
     def _connect(self) -> Session:
         database = sqlite3.connect(
-            self.path, BUSY_S, isolation_level=None, check_same_thread=False, factory=Session
+            self.path, timeout=BUSY_S, isolation_level=None, check_same_thread=False, factory=Session
         )
         database.row_factory = sqlite3.Row
         database.execute(f"PRAGMA cache_size = -{CACHE_KIB}")

@@ -270,7 +270,7 @@ def test_tokens_are_listed_with_their_last_use_and_revoked(site: Site, omar: Cli
     if site.server:
         site.server.rows(f"{site_rows} RETURNING 1")
     else:
-        with closing(sqlite3.connect(site.folder / "centre.db", 30)) as database, database:
+        with closing(sqlite3.connect(site.folder / "centre.db", timeout=30)) as database, database:
             database.execute(site_rows)
     program.get("/api/me")
     until(lambda: row()["seen"] > time.time() * 1000 - 3_600_000, "its use is noted", 0.5)
