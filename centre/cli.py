@@ -5,15 +5,31 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 from openrtu_tools.centre.roles import ROLES, SCOPES
 
 PAGE = Path(__file__).resolve().parent / "built"
 
 
+class _CentreFile(argparse.Action):
+    """Whoever begins with the command is told what comes first."""
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, parsed: argparse.Namespace, file: Any, _: object = None
+    ) -> None:
+        verbs = next(each.choices for each in parser._actions if each.dest == "verb")
+        if str(file) in (verbs or ()) and not file.exists():
+            parser.error(f"the centre's file comes first: {parser.prog} FILE {file} ...")
+        parsed.file = file
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "file", type=Path, help="the centre's file: stations, and what the centre knows of them"
+        "file",
+        type=Path,
+        action=_CentreFile,
+        help="the centre's file: stations, and what the centre knows of them",
     )
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="COMMAND")
     serving = verbs.add_parser("serve", help="store, serve and command")

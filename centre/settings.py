@@ -560,7 +560,9 @@ def load(path: Path) -> Settings:
     """Reads the file. Raises CentreError with all its mistakes that rtu-centre does not see."""
     try:
         content = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
+    except OSError as error:
+        raise CentreError(f"{path}: {error.strerror}") from error
+    except ValueError as error:
         raise CentreError(f"{path}: {error}") from error
     mistakes = [
         f"{path}: {'.'.join(map(str, each.absolute_path)) or 'the file'}: {each.message}"

@@ -159,7 +159,10 @@ def start_collector(what: settings.Settings) -> NoReturn:
 def run(parsed: argparse.Namespace) -> int:
     """What `openrtu centre` was asked for."""
     logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
-    what = settings.load(parsed.file)
+    try:
+        what = settings.load(parsed.file)
+    except CentreError as error:
+        raise UnusableInput(str(error)) from error
     if parsed.verb == "serve":
         asyncio.run(serve(what, parsed.page))
     elif parsed.verb == "user":

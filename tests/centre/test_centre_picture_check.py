@@ -16,6 +16,7 @@ from lab.process import named
 from lab.show import configuration
 from openrtu_tools.centre.bindings import ATTRIBUTES, COLOURS, FIELDS, QUALITIES, BindingError, read_binding
 from openrtu_tools.centre.drawing import DEPTH_MOST, ELEMENTS_MOST, OCTETS_MOST, Drawing, read_drawing
+from openrtu_tools.cli import main
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "process-pictures.md").read_text()
@@ -274,6 +275,27 @@ def test_the_examples_are_bound_to_points_of_the_show(programs: Path, tmp_path: 
     content = {"stations": [{"name": name, **keys} for name in PLANTS], "centre": {"pictures": f"{PICTURES}"}}
     (tmp_path / "centre.json").write_text(json.dumps(content))
     assert check(tmp_path, OPENRTU_RTUD=f"{programs / 'rtud' / 'rtud'}") == (0, "", "")
+
+
+@pytest.mark.parametrize("words", [["check", "good.svg"], ["check"], ["serve"]])
+def test_who_begins_with_the_command_is_told_that_the_file_comes_first(
+    words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["centre", *words])
+    assert ended.value.code == 2
+    assert f"the centre's file comes first: openrtu centre FILE {words[0]} ..." in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("text", [None, "{", '{"stations": 1}'])
+def test_a_centres_file_that_cannot_be_used_is_named(folder: Path, text: str | None) -> None:
+    file = folder / "centre.json"
+    file.unlink() if text is None else file.write_text(text)
+    code, out, error = check(folder)
+    assert (code, out) == (2, "")
+    assert error.startswith("openrtu centre: centre.json: ")
+    assert "Traceback" not in error
+    assert "Errno" not in error
 
 
 @pytest.mark.parametrize("word", ["missing.svg", "."])
