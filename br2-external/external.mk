@@ -22,6 +22,24 @@ BUSYBOX_PERMISSIONS =
 
 endif
 
+# Our ports are source files beside the patches: what uses these patches gets them, into the source and to the sources that
+# legal-info collects. The vendor's kernel has hashes among the patches, and no patch.
+openrtu_patches := $(filter $(BR2_EXTERNAL_OPENRTU_PATH)/../patches,$(call qstrip,$(BR2_GLOBAL_PATCH_DIR)))
+
+ifneq ($(and $(openrtu_patches),$(wildcard $(openrtu_patches)/linux/$(LINUX_VERSION)/*.patch)),)
+openrtu_linux := $(addprefix $(BR2_EXTERNAL_OPENRTU_PATH)/../board/nuc980/linux/,arch drivers include)
+define OPENRTU_LINUX_SOURCES
+	cp -R $(openrtu_linux) $(@D)
+endef
+LINUX_POST_PATCH_HOOKS += OPENRTU_LINUX_SOURCES
+
+define OPENRTU_LINUX_LEGAL_INFO
+	mkdir -p $(LINUX_REDIST_SOURCES_DIR)/nuc980
+	cp -R $(openrtu_linux) $(LINUX_REDIST_SOURCES_DIR)/nuc980
+endef
+LINUX_POST_LEGAL_INFO_HOOKS += OPENRTU_LINUX_LEGAL_INFO
+endif
+
 # Buildroot builds local sources and device trees once: what changed since then would not be in the image.
 openrtu_sources := $(shell find $(BR2_EXTERNAL_OPENRTU_PATH)/../package/openrtu -type f)
 $(OPENRTU_TARGET_RSYNC) $(OPENRTU_TARGET_BUILD): $(openrtu_sources)

@@ -31,7 +31,8 @@ build/boards/%/u-boot/done: build/u-boot/done
 LINUX_VERSION := 6.1.176-1
 LINUX_FRAGMENTS := board/nuc980/linux/hardening.fragment
 LINUX_PARTS := scripts/build-linux.sh scripts/patched-source.sh $(LINUX_FRAGMENTS) \
-  $(wildcard patches/linux/6.1/*.patch) $(shell find dts/bindings -type f -not -name '.*')
+  $(wildcard patches/linux/6.1/*.patch) \
+  $(shell find dts/bindings board/nuc980/linux/arch board/nuc980/linux/drivers board/nuc980/linux/include -type f -not -name '.*')
 
 linux: build/linux/done ## Build: the board's Linux: Debian's 6.1 with PREEMPT_RT and our port
 

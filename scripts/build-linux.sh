@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 # build-linux.sh DEBIAN [FOLDER [FRAGMENT...]]: Linux for the gateway board, from Debian's unpacked source.
 #
-# The folder `source` beside DEBIAN becomes DEBIAN with its own PREEMPT_RT series and patches/linux/6.1 applied, and with
-# dts/bindings among its bindings. FOLDER gets zImage, vmlinux and .config: nuc980_defconfig and the fragments. Without FOLDER
+# The folder `source` beside DEBIAN becomes DEBIAN with its own PREEMPT_RT series and patches/linux/6.1 applied, with
+# dts/bindings among its bindings, and with the drivers of board/nuc980/linux. FOLDER gets zImage, vmlinux and .config: nuc980_defconfig and the fragments. Without FOLDER
 # nothing is compiled.
 set -euo pipefail
 
@@ -12,6 +12,7 @@ folder=${2:+$(realpath -m "$2")}
 shift "$(($# < 2 ? $# : 2))"
 tree=$(realpath -e "$(dirname "$0")/..")
 source=${debian%/*}/source
+ours=("$tree"/board/nuc980/linux/{arch,drivers,include})
 rt=$debian/debian/patches-rt
 changelog=$debian/debian/changelog
 export ARCH=arm CROSS_COMPILE=${CROSS_COMPILE:-arm-linux-gnueabi-}
@@ -24,7 +25,7 @@ series() {
 # Of the source; it is the same for every FOLDER.
 source_inputs() {
 	sha256sum "$changelog" "$tree"/patches/linux/6.1/*.patch "$tree"/scripts/{build-linux,patched-source}.sh
-	find "$tree/dts/bindings" -type f -exec sha256sum {} + | sort
+	find "$tree/dts/bindings" "${ours[@]}" -type f -exec sha256sum {} + | sort
 }
 
 # Of the build; the files of an initramfs are the caller's to name, by a fragment that changes with them.
@@ -40,6 +41,7 @@ stage() {
 	rm -rf "$overlay" "$source.inputs"
 	mkdir -p "$overlay/Documentation/devicetree"
 	cp --archive "$tree/dts/bindings" "$overlay/Documentation/devicetree/"
+	cp --archive "${ours[@]}" "$overlay"
 	"$tree/scripts/patched-source.sh" "$debian" "$overlay" "$source" "${patches[@]}"
 	rm -rf "$overlay"
 	source_inputs >"$source.inputs"

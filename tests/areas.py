@@ -225,6 +225,8 @@ REACH = [
     ("scripts/armel.ini", "cross test-linux"),
     # the board
     ("board/nuc980/qemu/*", f"lint {BOARDS}"),
+    ("board/nuc980/linux/*/*", "test-image test-pins test-linux"),
+    ("board/nuc980/u-boot/*", f"test-image {BOARDS}"),
     ("board/nuc980/boards/*/pins.yml", f"test-pins {BOARDS}"),
     ("board/*", "lint test-image test-pins test-netboot test-linux"),
     ("dts/*", f"test-pins test-image {BOARDS}"),

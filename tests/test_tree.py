@@ -22,6 +22,8 @@ TAG = "SPDX-License-Identifier"
 # The first pattern that fits a path names its licence.
 LICENCES = [
     ("patches/linux/*", "GPL-2.0-only"),
+    ("board/nuc980/linux/*/*", "GPL-2.0-only"),
+    ("board/nuc980/u-boot/*", "GPL-2.0-or-later"),
     ("tests/linux/faults/*", "GPL-2.0-only"),
     ("patches/*", "GPL-2.0-or-later"),
     ("board/nuc980/qemu/*", "GPL-2.0-or-later"),
