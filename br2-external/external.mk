@@ -40,6 +40,20 @@ endef
 LINUX_POST_LEGAL_INFO_HOOKS += OPENRTU_LINUX_LEGAL_INFO
 endif
 
+ifneq ($(openrtu_patches),)
+openrtu_uboot := $(wildcard $(BR2_EXTERNAL_OPENRTU_PATH)/../board/nuc980/u-boot/*)
+define OPENRTU_UBOOT_SOURCES
+	cp -R $(openrtu_uboot) $(@D)
+endef
+UBOOT_POST_PATCH_HOOKS += OPENRTU_UBOOT_SOURCES
+
+define OPENRTU_UBOOT_LEGAL_INFO
+	mkdir -p $(UBOOT_REDIST_SOURCES_DIR)/nuc980
+	cp -R $(openrtu_uboot) $(UBOOT_REDIST_SOURCES_DIR)/nuc980
+endef
+UBOOT_POST_LEGAL_INFO_HOOKS += OPENRTU_UBOOT_LEGAL_INFO
+endif
+
 # Buildroot builds local sources and device trees once: what changed since then would not be in the image.
 openrtu_sources := $(shell find $(BR2_EXTERNAL_OPENRTU_PATH)/../package/openrtu -type f)
 $(OPENRTU_TARGET_RSYNC) $(OPENRTU_TARGET_BUILD): $(openrtu_sources)

@@ -14,7 +14,8 @@ build/qemu/done: $(QEMU_PARTS) $(call gone,qemu,$(QEMU_PARTS)) build/qemu/debian
 	@echo $(QEMU_PARTS) > $(@D)/parts
 	@touch $@
 
-UBOOT_PARTS := scripts/build-uboot.sh scripts/patched-source.sh $(wildcard patches/uboot/*.patch dts/nuvoton/*.dts*)
+UBOOT_PARTS := scripts/build-uboot.sh scripts/patched-source.sh $(wildcard patches/uboot/*.patch dts/nuvoton/*.dts*) \
+  $(shell find board/nuc980/u-boot -type f -not -name '.*')
 
 uboot: build/$(OF_BOARD)u-boot/done ## Build: a board's U-Boot (BOARD=)
 

@@ -3,8 +3,8 @@
 # build-uboot.sh DEBIAN FOLDER: U-Boot for a board, from Debian's unpacked source. NUC980_BOARD names the board, if it is not the
 # gateway; its console is the same port.
 #
-# FOLDER/source is DEBIAN with patches/uboot applied and dts/nuvoton laid over it. FOLDER gets u-boot.bin, its program
-# u-boot with symbols, and u-boot.dtb.
+# FOLDER/source is DEBIAN with patches/uboot applied, and board/nuc980/u-boot and dts/nuvoton laid over it. FOLDER gets
+# u-boot.bin, its program u-boot with symbols, and u-boot.dtb.
 set -euo pipefail
 
 debian=$(realpath -e "$1")
@@ -19,12 +19,14 @@ inputs() {
 	echo "$debian $CROSS_COMPILE $board"
 	sha256sum "$tree"/patches/uboot/*.patch "$tree"/dts/nuvoton/*.dts* "$changelog" \
 		"$tree"/scripts/{build-uboot,patched-source}.sh
+	find "$tree/board/nuc980/u-boot" -type f -exec sha256sum {} + | sort
 }
 
 stage() {
 	local dts=$folder/overlay/arch/arm/dts
 	rm -rf "$folder/overlay"
-	mkdir -p "$dts"
+	mkdir -p "$folder/overlay"
+	cp --archive "$tree/board/nuc980/u-boot/." "$folder/overlay"
 	cp --archive "$tree"/dts/nuvoton/*.dts* "$dts"
 	"$tree/scripts/patched-source.sh" "$debian" "$folder/overlay" "$folder/source" "$tree"/patches/uboot/*.patch
 	dts=$folder/source/arch/arm/dts

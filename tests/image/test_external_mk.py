@@ -96,3 +96,17 @@ def test_our_linux_is_laid_over_what_has_our_patches(tmp_path: Path, config: str
     given = laid_over(tmp_path, config, "LINUX")
     assert given["source"] == files
     assert given["legal"] == {f"nuc980/{each}" for each in files}
+
+
+UBOOT = {path[len("u-boot/") :] for path in files_of(ROOT / "board/nuc980/u-boot")}
+
+
+@pytest.mark.parametrize(
+    ("config", "files"),
+    [(PATCHES.format("/a"), UBOOT), ('BR2_GLOBAL_PATCH_DIR = "/a/other"\n', set())],
+    ids=["ours", "another's patches"],
+)
+def test_our_uboot_is_laid_over_what_has_our_patches(tmp_path: Path, config: str, files: set[str]) -> None:
+    given = laid_over(tmp_path, config, "UBOOT")
+    assert given["source"] == files
+    assert given["legal"] == {f"nuc980/{each}" for each in files}
