@@ -27,6 +27,7 @@ enum {
 	SLAVE_PROBE_MAX,
 	SLAVE_PERIOD,
 	SLAVE_REACTION,
+	SLAVE_PAUSE,
 	SLAVE_MAX_BITS,
 	SLAVE_MAX_REGISTERS,
 	SLAVE_HOLES,
@@ -53,6 +54,7 @@ static const struct config_rule slave_rules[SLAVE_KEYS] = {
     [SLAVE_PROBE_MAX] = {MODBUS_KEY_PROBE_MAX, CONFIG_INTEGER, .low = 1, .high = UINT8_MAX},
     [SLAVE_PERIOD] = {"period_ms", CONFIG_INTEGER, .low = 10, .high = 60000},
     [SLAVE_REACTION] = {"reaction_ms", CONFIG_NUMBER, .low = 0.1, .high = 10000},
+    [SLAVE_PAUSE] = {"pause_ms", CONFIG_INTEGER, .low = 0, .high = 10000, .fallback = 0},
     [SLAVE_MAX_BITS] = {"max_bits", CONFIG_INTEGER, .low = 1, .high = READ_BITS_MAX,
 			.fallback = READ_BITS_MAX},
     [SLAVE_MAX_REGISTERS] = {"max_registers", CONFIG_INTEGER, .low = 1, .high = READ_REGISTERS_MAX,
@@ -198,6 +200,7 @@ static void add_device(struct modbus_loader *loader, const struct config_place *
 	    .probe_max_s = (uint8_t)values[SLAVE_PROBE_MAX].integer,
 	    .response_timeout_min_ms = least_timeout_ms(loader, place, values),
 	    .reaction_us = reaction_us(loader, place, values),
+	    .pause_ms = (uint16_t)values[SLAVE_PAUSE].integer,
 	};
 	snprintf(set->prefix, sizeof(set->prefix), "p%u.%u", port->port, unit);
 	if (values[SLAVE_DESCRIPTION].given && values[SLAVE_DESCRIPTION].text[0] != '\0')

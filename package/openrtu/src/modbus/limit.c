@@ -21,13 +21,35 @@ static int64_t device_ns(const struct modbus_line *line, const struct modbus_dev
 	return sum;
 }
 
-static int64_t line_ns(const struct modbus_line *line)
+/* From one request to the next one to that device, if it rests as long as it is configured to. */
+static int64_t rested_read_ns(const struct modbus_line *line, const struct modbus_device *device,
+			      const struct modbus_read *read)
+{
+	int64_t taken_ns = modbus_limit_read_ns(line, device, read, false);
+
+	return later(taken_ns,
+		     taken_ns - later(line->wire.silence_ns, line->wire.least_ns) + device->pause_ns);
+}
+
+static int64_t rested_device_ns(const struct modbus_line *line, const struct modbus_device *device)
 {
 	int64_t sum = 0;
 
-	for (uint32_t i = 0; i < line->device_count; i++)
-		sum += device_ns(line, &line->devices[i]);
+	for (uint32_t i = 0; i < device->read_count; i++)
+		sum += rested_read_ns(line, device, &device->reads[i]);
 	return sum;
+}
+
+/* While one rests, the others are asked. */
+static int64_t line_ns(const struct modbus_line *line)
+{
+	int64_t sum = 0, longest_ns = 0;
+
+	for (uint32_t i = 0; i < line->device_count; i++) {
+		sum += device_ns(line, &line->devices[i]);
+		longest_ns = later(longest_ns, rested_device_ns(line, &line->devices[i]));
+	}
+	return later(sum, longest_ns);
 }
 
 double modbus_limit_load(const struct modbus_line *line, bool at_once)

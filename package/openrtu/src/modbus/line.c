@@ -308,7 +308,7 @@ void modbus_line_open(struct modbus_line *line, int64_t now_ns)
 	memset(line->overdue, 0, sizeof(line->overdue));
 	line->last_byte_ns = now_ns - MODBUS_GAP_NS;
 	line->turn = line->probe_turn = 0;
-	line->probed_in_vain = line->scan_begun = false;
+	line->probed_in_vain = line->scan_begun = line->scan_held = false;
 	line->commands_in_row = line->due_in_row = 0;
 	modbus_end(line, now_ns + line->backend->rest_ns, now_ns);
 }

@@ -126,6 +126,7 @@ struct modbus_device {
 	int64_t response_timeout_min_ns; /* the floor: less is never waited for */
 	int64_t
 	    probe_max_ns; /* the longest pause before a probe; 0: MODBUS_RAREST_PROBE_NS, or its share's */
+	int64_t pause_ns; /* the least between its answer and the next request to it */
 	struct modbus_object *objects; /* sorted by modbus_line_init */
 	uint32_t object_count;
 	struct modbus_read *reads; /* room for object_count of them */
@@ -158,7 +159,8 @@ struct modbus_device {
 		uint16_t bytes;
 		int64_t sent_ns; /* 0: a late answer has come since */
 	} unanswered[MODBUS_UNANSWERED_MAX];
-	int64_t heard_ns; /* the end of its last answer, be it late: before, it did not begin with another */
+	int64_t heard_ns;  /* the end of its last answer, be it late: before, it did not begin with another */
+	int64_t spoken_ns; /* the end of the last frame to it or of it */
 };
 
 /* What the line tells. Called from within modbus_line_receive, _poll and _close. */
@@ -219,6 +221,7 @@ struct modbus_line {
 	bool probed_in_vain;      /* in this scan */
 	bool urgent;              /* some read may be marked urgent */
 	bool scan_begun;          /* some device was read in this scan */
+	bool scan_held;           /* some device was not read to its end, for its pause */
 	int64_t scan_began_ns;
 	int64_t scan_ended_ns;
 

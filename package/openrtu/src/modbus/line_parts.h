@@ -29,6 +29,12 @@ struct modbus_backend {
 /* It has objects, and is no broadcast address. */
 bool modbus_is_readable(const struct modbus_device *device);
 
+/* When it may be asked, as far as its pause goes. */
+static inline int64_t modbus_ready_ns(const struct modbus_device *device)
+{
+	return device->spoken_ns + device->pause_ns;
+}
+
 /* A request whose time-out has passed: its answer may still come (line.h, "Late answers"). */
 void modbus_add_unanswered(struct modbus_device *device, const struct modbus_request *request,
 			   int64_t sent_ns);

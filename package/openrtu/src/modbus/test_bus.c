@@ -255,6 +255,10 @@ static void slave_takes(struct slave *slave, const struct modbus_request *reques
 		return;
 	if (slave->one_ear && bus.busy_ns < slave->free_ns)
 		return;
+	if (slave->pause_ns > 0 && bus.now_ns < slave->free_ns + slave->pause_ns) {
+		slave->free_ns = bus.busy_ns;
+		return;
+	}
 	size_t length = answer_of(slave, request, bytes, frame);
 	if (request->unit == MODBUS_BROADCAST)
 		return;

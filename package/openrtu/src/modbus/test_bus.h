@@ -52,6 +52,7 @@ struct slave {
 	int64_t write_ns;       /* ... of writes */
 	int64_t free_ns;        /* when it has dealt with all so far */
 	bool one_ear;           /* what is asked until then is lost, not done later */
+	int64_t pause_ns;       /* the same for so long behind that; what is lost begins it anew */
 	uint8_t exception;      /* its answer to everything, when not 0 */
 	int missing;            /* address it answers with exception 2; -1: none */
 	uint16_t blank, blanks; /* so many addresses from there on that it answers with exception 2 */

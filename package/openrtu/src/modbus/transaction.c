@@ -26,6 +26,7 @@ size_t modbus_begin(struct modbus_line *line, enum modbus_purpose purpose, uint3
 	line->sent_ns = now_ns + line->wire.before_ns + (int64_t)length * line->wire.char_ns;
 	line->state = broadcast ? MODBUS_TURNAROUND : MODBUS_WAITING;
 	line->deadline_ns = line->sent_ns + (broadcast ? MODBUS_BROADCAST_NS : timeout_of(line, device));
+	device->spoken_ns = line->sent_ns;
 	line->counters.requests++;
 	device->counters.requests++;
 	return length;
@@ -106,7 +107,7 @@ void modbus_request_answered(struct modbus_line *line, const uint8_t *body, bool
 	    later(later(now_ns, line->sent_ns) + line->wire.silence_ns, begun_ns(line) + line->wire.least_ns),
 	    now_ns);
 	count_answer(line, is_exception);
-	device->heard_ns = now_ns;
+	device->heard_ns = device->spoken_ns = now_ns;
 	modbus_latency_add(&device->latency, device->counters.latency_us);
 	modbus_histogram_add(&line->counters.transactions, now_ns - begun_ns(line));
 	if (modbus_is_read(line->request.function) && !line->echoed && device->echoes > 0)
@@ -144,7 +145,7 @@ void modbus_tell_late(struct modbus_line *line, uint32_t index, int64_t sent_ns,
 
 	if (sent_ns != 0 && latency_ns > 0 && line->events->late != NULL)
 		line->events->late(line->context, index, latency_ns, now_ns);
-	device->heard_ns = now_ns;
+	device->heard_ns = device->spoken_ns = now_ns;
 }
 
 void modbus_count_wrong_answer(struct modbus_line *line, const uint8_t *body, size_t length, int64_t now_ns)

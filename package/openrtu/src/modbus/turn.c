@@ -3,6 +3,11 @@
 #include "line_parts.h"
 #include "map/time_ns.h"
 
+static bool is_ready(const struct modbus_device *device, int64_t now_ns)
+{
+	return now_ns >= modbus_ready_ns(device);
+}
+
 static size_t begin_probe(struct modbus_line *line, uint32_t index, int64_t now_ns)
 {
 	if (!modbus_find_probe(&line->devices[index], &line->request))
@@ -39,7 +44,7 @@ static size_t begin_command(struct modbus_line *line, int64_t now_ns)
 		struct modbus_device *device = &line->devices[index];
 		size_t length = 0;
 
-		if (!is_first_of_device(line, place))
+		if (!is_first_of_device(line, place) || !is_ready(device, now_ns))
 			continue;
 		modbus_forget_unanswered(device, now_ns);
 		if (!modbus_owes(device, line->commands[place].request.function) &&
@@ -58,21 +63,34 @@ static size_t begin_command(struct modbus_line *line, int64_t now_ns)
 	return 0;
 }
 
+static uint32_t find_urgent_read(const struct modbus_device *device)
+{
+	uint32_t read = 0;
+
+	while (read < device->read_count &&
+	       !(device->reads[read].urgent && device->reads[read].pause_ns == 0))
+		read++;
+	return read;
+}
+
 static size_t begin_urgent_read(struct modbus_line *line, int64_t now_ns)
 {
+	bool held = false;
+
 	if (!line->urgent)
 		return 0;
 	for (uint32_t index = 0; index < line->device_count; index++) {
 		struct modbus_device *device = &line->devices[index];
+		uint32_t read = find_urgent_read(device);
 
 		modbus_forget_unanswered(device, now_ns);
-		if (!device->alive || device->unanswered_count > 0)
+		if (!device->alive || device->unanswered_count > 0 || read == device->read_count)
 			continue;
-		for (uint32_t read = 0; read < device->read_count; read++)
-			if (device->reads[read].urgent && device->reads[read].pause_ns == 0)
-				return begin_read(line, index, read, now_ns);
+		if (is_ready(device, now_ns))
+			return begin_read(line, index, read, now_ns);
+		held = true;
 	}
-	line->urgent = false;
+	line->urgent = held;
 	return 0;
 }
 
@@ -86,7 +104,7 @@ static bool find_due_read(struct modbus_line *line, bool owing, int64_t now_ns, 
 		struct modbus_device *device = &line->devices[i];
 
 		modbus_forget_unanswered(device, now_ns);
-		if (!device->alive || (device->unanswered_count > 0) != owing)
+		if (!device->alive || !is_ready(device, now_ns) || (device->unanswered_count > 0) != owing)
 			continue;
 		if (owing && !modbus_find_probe(device, &line->request))
 			continue;
@@ -126,7 +144,7 @@ static size_t begin_due_probe(struct modbus_line *line, int64_t now_ns)
 
 		line->probe_turn = (line->probe_turn + 1) % line->device_count;
 		modbus_forget_unanswered(device, now_ns);
-		if (!device->alive && modbus_is_readable(device) &&
+		if (!device->alive && modbus_is_readable(device) && is_ready(device, now_ns) &&
 		    now_ns >= modbus_probe_due_ns(line, device))
 			length = begin_probe(line, index, now_ns);
 		if (length > 0)
@@ -135,13 +153,28 @@ static size_t begin_due_probe(struct modbus_line *line, int64_t now_ns)
 	return 0;
 }
 
-static void next_turn(struct modbus_line *line)
+/* A device that has to rest goes on from where it is when its turn comes again: the others do not wait for it. */
+static void leave_device(struct modbus_line *line, int64_t now_ns)
 {
-	line->devices[line->turn].cursor = 0;
+	struct modbus_device *device = &line->devices[line->turn];
+
+	if (device->alive && device->cursor < device->read_count && !is_ready(device, now_ns))
+		line->scan_held = true;
+	else
+		device->cursor = 0;
+}
+
+static void next_turn(struct modbus_line *line, int64_t now_ns)
+{
+	leave_device(line, now_ns);
 	if (++line->turn < line->device_count)
 		return;
 	line->turn = 0;
 	line->probed_in_vain = false;
+	if (line->scan_held) {
+		line->scan_held = false;
+		return;
+	}
 	/* Else nothing was answered in it. */
 	if (line->scan_begun && line->scan_ended_ns >= line->scan_began_ns) {
 		line->counters.scan_us = (uint32_t)((line->scan_ended_ns - line->scan_began_ns) / NS_PER_US);
@@ -176,7 +209,7 @@ static size_t begin_for_turn(struct modbus_line *line, int64_t now_ns)
 	struct modbus_device *device = &line->devices[line->turn];
 
 	modbus_forget_unanswered(device, now_ns);
-	if (!device->alive)
+	if (!device->alive || !is_ready(device, now_ns))
 		return 0;
 	if (device->unanswered_count > 0)
 		return begin_probe(line, line->turn, now_ns);
@@ -191,7 +224,7 @@ static size_t begin_scan(struct modbus_line *line, int64_t now_ns)
 
 		if (length > 0)
 			return length;
-		next_turn(line);
+		next_turn(line, now_ns);
 	}
 	return 0;
 }
@@ -245,6 +278,8 @@ int64_t modbus_next_due(const struct modbus_line *line, int64_t now_ns)
 
 		if (device->unanswered_count > 0 || device->inherited)
 			due = earlier(due, device->trust_ns);
+		if (!is_ready(device, now_ns))
+			due = earlier(due, modbus_ready_ns(device));
 		if (modbus_may_be_busy(device, now_ns))
 			due = earlier(due, device->trust_ns - MODBUS_LATE_NS);
 		if (!device->alive && modbus_is_readable(device) &&

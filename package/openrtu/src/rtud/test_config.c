@@ -339,7 +339,7 @@ static void test_a_slave_has_its_limits_or_the_protocols(void **state)
 {
 	struct map_config config =
 	    load("{'port': [" LINE("3", "{'id': 1, 'max_bits': 32, 'max_registers': 4, 'holes': false, "
-					"'reaction_ms': 12.5}, "
+					"'reaction_ms': 12.5, 'pause_ms': 300}, "
 					"{'id': 2, 'holes': true}") "]}");
 
 	(void)state;
@@ -347,10 +347,12 @@ static void test_a_slave_has_its_limits_or_the_protocols(void **state)
 	assert_int_equal(modbus_slaves(&config)[0].max_registers, 4);
 	assert_true(modbus_slaves(&config)[0].no_holes);
 	assert_int_equal(modbus_slaves(&config)[0].reaction_us, 12500);
+	assert_int_equal(modbus_slaves(&config)[0].pause_ms, 300);
 	assert_int_equal(modbus_slaves(&config)[1].max_bits, 2000);
 	assert_int_equal(modbus_slaves(&config)[1].max_registers, 125);
 	assert_false(modbus_slaves(&config)[1].no_holes);
 	assert_int_equal(modbus_slaves(&config)[1].reaction_us, 0);
+	assert_int_equal(modbus_slaves(&config)[1].pause_ms, 0);
 	config_free(&config);
 }
 
