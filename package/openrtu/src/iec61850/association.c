@@ -2,6 +2,7 @@
 #include "iec61850/association.h"
 
 #include "iec61850/acse.h"
+#include "iec61850/block.h"
 #include "iec61850/control.h"
 #include "iec61850/report.h"
 #include "iec61850/session.h"

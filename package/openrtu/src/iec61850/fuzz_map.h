@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "fuzz.h"
-#include "iec61850/report.h"
+#include "iec61850/block_kept.h"
 #include "map/limits.h"
 
 #define FUZZ_POINTS  (2 * MAP_TYPES)
@@ -148,7 +148,7 @@ static void fuzz_changes(struct iec61850_server *server)
 
 	if (server->model.buffer.history.head != NULL)
 		server->model.buffer.history.head->start = server->model.buffer.history.head->former = 0;
-	iec61850_report_begin(server, server->stats, &cursor, 1);
+	iec61850_blocks_begin(server, server->stats, &cursor, 1);
 	for (uint32_t i = 0; i < FUZZ_POINTS; i++)
 		iec61850_buffer_add(&server->model.buffer, i, IEC61850_DATA_CHANGE,
 				    &(struct map_sample){.value.i = -7, .time_ns = NS_PER_S}, NS_PER_S);

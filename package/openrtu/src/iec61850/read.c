@@ -2,9 +2,9 @@
 /* Read and Write (ISO 9506-2, 14.7 and 14.8). What a client may set, it sets by control blocks and commands only. */
 #include <string.h>
 
+#include "iec61850/block.h"
 #include "iec61850/control.h"
 #include "iec61850/mms.h"
-#include "iec61850/report.h"
 #include "iec61850/tags.h"
 #include "iec61850/value.h"
 

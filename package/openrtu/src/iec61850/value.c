@@ -339,6 +339,7 @@ static void put_owner(struct ber_writer *writer, const struct iec61850_block *bl
 	ber_put(writer, IEC61850_TAG_OCTET_STRING, octets + skipped, sizeof(block->peer.octets) - skipped);
 }
 
+/* One switch, though it is long: the compiler names the attribute that has no value. */
 static void put_node(struct ber_writer *writer, const struct iec61850_model *model,
 		     const struct iec61850_node *node, const struct state *state)
 {

@@ -17,7 +17,10 @@
 #include "channel/handshakes.h"
 #include "channel/lines.h"
 #include "iec61850/association.h"
+#include "iec61850/block.h"
+#include "iec61850/block_kept.h"
 #include "iec61850/control.h"
+#include "iec61850/note.h"
 #include "iec61850/report.h"
 #include "map/address.h"
 #include "map/heap.h"
@@ -273,8 +276,8 @@ static void take_events(int64_t now_ns)
 	struct map_event event;
 
 	for (int i = 0; i < EVENTS_A_TURN && map_event_next(map, &cursor, &event); i++) {
-		iec61850_report_event(&server, &event, now_ns);
-		iec61850_report_settle(&server, &cursor);
+		iec61850_note_event(&server, &event, now_ns);
+		iec61850_note_settle(&server, &cursor);
 		for (uint32_t j = 0; j < count && iec61850_report_due_ns(&server) <= now_ns; j++)
 			if (connections[j].channel.fd >= 0)
 				serve(&connections[j], 0, now_ns);
@@ -286,8 +289,8 @@ static void take_events(int64_t now_ns)
 	map_count(&server.stats->counters[IEC61850_COUNT_EVENTS_LOST], cursor.lost);
 	map_count_lost_events(map, cursor.lost);
 	cursor.lost = 0;
-	iec61850_report_all(&server, now_ns);
-	iec61850_report_settle(&server, &cursor);
+	iec61850_note_all(&server, now_ns);
+	iec61850_note_settle(&server, &cursor);
 }
 
 /* Before the events: what a command has read back is there when its end is. */
@@ -297,7 +300,7 @@ static void take_answers(int64_t now_ns)
 
 	while (map_answer_next(map, &answer)) {
 		iec61850_control_answer(&server, &answer);
-		iec61850_report_selection(&server, answer.point, now_ns);
+		iec61850_note_selection(&server, answer.point, now_ns);
 	}
 }
 
@@ -423,8 +426,8 @@ static void do_what_has_time(int64_t now_ns)
 		return;
 	done_ns = now_ns;
 	iec61850_blocks_tick(&server);
-	iec61850_report_selections(&server, now_ns);
-	iec61850_report_settle(&server, &cursor);
+	iec61850_note_selections(&server, now_ns);
+	iec61850_note_settle(&server, &cursor);
 	show();
 }
 
@@ -557,7 +560,7 @@ static bool start(int file)
 	if (begun && scratch != NULL && server.chosen != NULL) {
 		file_take(&server, map, file);
 		map_cursor_to_end(map, &cursor);
-		iec61850_report_begin(&server, server.stats, &cursor, start_number());
+		iec61850_blocks_begin(&server, server.stats, &cursor, start_number());
 		return true;
 	}
 	map_log(map, MAP_LOG_ERROR, "cannot start: %s", strerror(ENOMEM));
