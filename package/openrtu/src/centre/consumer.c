@@ -9,7 +9,9 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include "centre/order.h"
 #include "centre/request.h"
+#include "centre/stations.h"
 
 #define PACKETS_A_TURN 16 /* of a consumer that only talks */
 #define SEND_BUFFER    (512 * 1024)

@@ -14,6 +14,8 @@
 #include <unistd.h>
 
 #include "centre/consumer.h"
+#include "centre/say.h"
+#include "centre/stations.h"
 #include "map/time_ns.h"
 
 #define READY_MAX 128 /* stations a turn, so that no flood delays the consumer */

@@ -10,6 +10,7 @@
 #include "centre/consumer.h"
 #include "centre/loop.h"
 #include "centre/shards.h"
+#include "centre/stations.h"
 
 #define FILES_BESIDE 16 /* open files beside the connections */
 

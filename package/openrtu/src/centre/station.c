@@ -10,96 +10,12 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include "centre/request.h"
+#include "centre/say.h"
 #include "map/time_ns.h"
 
 #define LATE_NS                                                                                              \
 	(100 * NS_PER_MS) /* we were stopped, or full: what came meanwhile is read before a timer counts */
 #define FULL_NS (100 * NS_PER_MS) /* until a poll is tried again that could not be sent */
-
-static uint32_t place_of(const struct centre_station *station)
-{
-	return (uint32_t)(station - station->centre->stations);
-}
-
-/* ---- records ----------------------------------------------------------------------------- */
-
-bool centre_has_room(const struct centre *centre)
-{
-	return centre_batches_room(&centre->batches) >=
-	       (size_t)centre->config->receive_octets + CENTRE_RECORDS_BESIDE;
-}
-
-/* Of a place in the file. */
-static struct centre_record *add(struct centre *centre, uint32_t place, enum centre_kind kind)
-{
-	struct centre_record *record = &centre->nowhere;
-
-	if (centre->consumer >= 0) {
-		if (centre_batches_room(&centre->batches) == 0)
-			abort(); /* CENTRE_RECORDS_BESIDE is wrong: nothing may be lost unnoticed */
-		record = centre_batches_add(&centre->batches);
-	}
-	record->kind = (uint8_t)kind;
-	record->station = place;
-	return record;
-}
-
-static struct centre_record *say(struct centre_station *station, enum centre_kind kind)
-{
-	struct centre_record *record =
-	    add(station->centre, centre_config_place(station->centre->config, station->number), kind);
-
-	record->connection = station->connection;
-	record->received_ns = station->centre->now.wall_ns;
-	station->last = record;
-	return record;
-}
-
-static struct centre_record *say_asdu(struct centre_station *station, enum centre_kind kind,
-				      const struct iec104_asdu *asdu)
-{
-	struct centre_record *record = say(station, kind);
-
-	record->flags = (uint8_t)((asdu->test ? CENTRE_TEST : 0) | (asdu->negative ? CENTRE_NEGATIVE : 0));
-	record->ca = asdu->ca;
-	record->type = asdu->type;
-	record->cause = asdu->cause;
-	return record;
-}
-
-static void say_link(struct centre_station *station, enum centre_link link, uint8_t reason, int error,
-		     int64_t retry_ns)
-{
-	struct centre_record *record = say(station, CENTRE_LINK);
-
-	record->detail = station->number != place_of(station);
-	record->link.state = (uint8_t)link;
-	record->link.reason = reason;
-	record->link.error = (uint32_t)error;
-	record->link.retry_ms = (uint32_t)(retry_ns / NS_PER_MS);
-}
-
-static void say_progress(struct centre_station *station, const struct iec104_controlling_request *request,
-			 uint64_t id)
-{
-	struct centre_record *record = say(station, CENTRE_PROGRESS);
-
-	record->ca = request->ca;
-	record->ioa = request->ioa;
-	record->type = request->type;
-	record->cause = request->cause;
-	record->progress.state = request->state;
-	record->progress.result = request->result;
-	record->progress.id_low = (uint32_t)id;
-	record->progress.id_high = (uint32_t)(id >> 32);
-}
-
-static void set_time(struct centre_record *record, bool tagged, bool invalid, int64_t wall_ns)
-{
-	record->flags |= (uint8_t)((tagged ? CENTRE_TAGGED : 0) | (invalid ? CENTRE_TIME_INVALID : 0));
-	record->wall_ns = wall_ns;
-}
 
 /* ---- windows ----------------------------------------------------------------------------- */
 
@@ -120,7 +36,7 @@ static void take_place(struct centre_station *station, uint8_t window)
 /* A place at once; or its turn comes with centre_admit_next. */
 static bool enter_window(struct centre_station *station, uint8_t window)
 {
-	if (!centre_window_enter(&station->centre->windows[window], place_of(station))) {
+	if (!centre_window_enter(&station->centre->windows[window], centre_place_of(station))) {
 		station->waits = true;
 		return false;
 	}
@@ -184,7 +100,7 @@ static void on_information(void *context, const struct iec104_asdu *asdu,
 			   const struct iec104_information *information)
 {
 	struct centre_station *station = context;
-	struct centre_record *record = say_asdu(station, CENTRE_INFORMATION, asdu);
+	struct centre_record *record = centre_say_asdu(station, CENTRE_INFORMATION, asdu);
 
 	record->ioa = information->ioa;
 	record->quality = information->quality;
@@ -192,7 +108,7 @@ static void on_information(void *context, const struct iec104_asdu *asdu,
 	record->information.value = information->value;
 	record->information.elapsed_ms = information->elapsed_ms;
 	record->information.content = (uint8_t)information->content;
-	set_time(record, information->tagged, information->time_invalid, information->wall_ns);
+	centre_set_time(record, information->tagged, information->time_invalid, information->wall_ns);
 	if (information->content == IEC104_INITIALISATION)
 		iec104_polls_renew(station->polls, station->plan->poll_count, asdu->ca,
 				   station->centre->now.monotonic_ns);
@@ -201,7 +117,7 @@ static void on_information(void *context, const struct iec104_asdu *asdu,
 static void on_position(void *context, const struct iec104_asdu *asdu, uint32_t ioa,
 			const struct iec104_geoposition *position)
 {
-	struct centre_record *record = say_asdu(context, CENTRE_POSITION, asdu);
+	struct centre_record *record = centre_say_asdu(context, CENTRE_POSITION, asdu);
 
 	record->ioa = ioa;
 	record->quality = position->quality;
@@ -209,7 +125,7 @@ static void on_position(void *context, const struct iec104_asdu *asdu, uint32_t 
 	record->position.latitude = position->latitude;
 	record->position.longitude = position->longitude;
 	record->position.altitude_dm = position->altitude_dm;
-	set_time(record, true, position->time_invalid, position->wall_ns);
+	centre_set_time(record, true, position->time_invalid, position->wall_ns);
 }
 
 static void end_poll(struct centre_station *station, const struct iec104_controlling_request *request)
@@ -224,10 +140,10 @@ static void end_poll(struct centre_station *station, const struct iec104_control
 	station->slow = station->window == CENTRE_NO_WINDOW;
 	leave_window(station);
 	if (!done || request->type != IEC104_C_RD_NA_1) /* the value says that it was read */
-		say_progress(station, request, 0);
+		centre_say_progress(station, request, 0);
 }
 
-static struct centre_order *order_of(struct centre_station *station, uint32_t request)
+struct centre_order *centre_order_of(struct centre_station *station, uint32_t request)
 {
 	for (unsigned i = 0; i < IEC104_CONTROLLING_REQUESTS_MAX; i++)
 		if (station->orders[i].request == request)
@@ -245,10 +161,10 @@ static void on_progress(void *context, const struct iec104_controlling_request *
 			end_poll(station, request);
 		return;
 	}
-	order = order_of(station, request->id);
+	order = centre_order_of(station, request->id);
 	if (order == NULL)
 		return;
-	say_progress(station, request, order->id);
+	centre_say_progress(station, request, order->id);
 	if (iec104_controlling_has_ended(request->state))
 		order->request = 0;
 }
@@ -259,7 +175,7 @@ static void on_looked_at(void *context, const struct iec104_asdu *asdu)
 	struct centre_station *station = context;
 
 	if (station->last == NULL)
-		say_asdu(station, CENTRE_OTHER, asdu);
+		centre_say_asdu(station, CENTRE_OTHER, asdu);
 	station->last->flags |= CENTRE_LAST;
 	station->last = NULL;
 }
@@ -283,7 +199,7 @@ static int64_t session_due(const struct centre_station *station)
 	return station->plan->secure ? earlier(due_ns, station->channel.look_ns) : due_ns;
 }
 
-static void schedule(struct centre_station *station)
+void centre_station_schedule(struct centre_station *station)
 {
 	int64_t due_ns = INT64_MAX;
 
@@ -304,12 +220,12 @@ static void schedule(struct centre_station *station)
 	}
 	if (station->window != CENTRE_NO_WINDOW)
 		due_ns = earlier(due_ns, station->place_until_ns);
-	centre_deadlines_set(&station->centre->deadlines, place_of(station), due_ns);
+	centre_deadlines_set(&station->centre->deadlines, centre_place_of(station), due_ns);
 }
 
 static void wait_for(struct centre_station *station, uint32_t events)
 {
-	struct epoll_event event = {.events = events, .data.u32 = place_of(station)};
+	struct epoll_event event = {.events = events, .data.u32 = centre_place_of(station)};
 
 	if (events == station->events)
 		return;
@@ -318,7 +234,7 @@ static void wait_for(struct centre_station *station, uint32_t events)
 	station->events = events;
 }
 
-static void close_connection(struct centre_station *station)
+void centre_station_close(struct centre_station *station)
 {
 	if (station->channel.fd >= 0)
 		channel_close(&station->channel);
@@ -341,11 +257,11 @@ static void go_down(struct centre_station *station, uint8_t reason, int error)
 	if (!station->failed)
 		retry_was_useful(&station->retry);
 	pause_ns = retry_failed(&station->retry);
-	close_connection(station);
+	centre_station_close(station);
 	station->waits = waited; /* it is still in the window's queue */
 	station->link = CENTRE_WAITING;
 	station->due_ns = now_ns + pause_ns;
-	say_link(station, CENTRE_DOWN, reason, error, pause_ns);
+	centre_say_link(station, CENTRE_DOWN, reason, error, pause_ns);
 }
 
 static void start(struct centre_station *station)
@@ -371,7 +287,7 @@ static void trace(struct centre_station *station, uint8_t direction, const uint8
 	}
 	for (size_t at = 0, count; at < size; at += count) {
 		struct centre_record *record =
-		    add(centre, centre_config_place(centre->config, station->number), CENTRE_OCTETS);
+		    centre_add(centre, centre_config_place(centre->config, station->number), CENTRE_OCTETS);
 
 		count = size - at < CENTRE_OCTETS_SIZE ? size - at : CENTRE_OCTETS_SIZE;
 		record->flags = (uint8_t)(direction | (station->gap ? CENTRE_GAP : 0));
@@ -383,7 +299,7 @@ static void trace(struct centre_station *station, uint8_t direction, const uint8
 	}
 }
 
-static void transmit(struct centre_station *station)
+void centre_station_transmit(struct centre_station *station)
 {
 	struct iec104_session *session = &station->controlling.session;
 	size_t size;
@@ -404,8 +320,8 @@ static void hand_over(struct centre_station *station)
 	if (partner == NULL || partner->link != CENTRE_STANDBY)
 		return;
 	start(partner);
-	transmit(partner);
-	schedule(partner);
+	centre_station_transmit(partner);
+	centre_station_schedule(partner);
 }
 
 static bool is_active(const struct centre_station *station)
@@ -426,7 +342,7 @@ static void open_session(struct centre_station *station)
 	}
 	station->link = CENTRE_STANDBY;
 	retry_opened(&station->retry, station->centre->now.monotonic_ns);
-	say_link(station, CENTRE_STANDBY, 0, 0, 0);
+	centre_say_link(station, CENTRE_STANDBY, 0, 0, 0);
 }
 
 static void lose(struct centre_station *station, uint8_t reason, int error)
@@ -463,7 +379,7 @@ static void open_channel(struct centre_station *station)
 
 static int connect_socket(const struct centre_station *station)
 {
-	const bool second = station->number != place_of(station);
+	const bool second = station->number != centre_place_of(station);
 	const struct sockaddr_in6 address = {.sin6_family = AF_INET6,
 					     .sin6_port = htons(station->plan->port),
 					     .sin6_addr = station->plan->addresses[second]};
@@ -477,7 +393,7 @@ static void connect_now(struct centre_station *station)
 	int on = 1, off = 0;
 
 	station->connection = ++station->centre->stations[station->number].connections;
-	say_link(station, CENTRE_CONNECTING, 0, 0, 0);
+	centre_say_link(station, CENTRE_CONNECTING, 0, 0, 0);
 	station->link = CENTRE_CONNECTING;
 	station->due_ns = station->centre->now.monotonic_ns + station->centre->config->connect_ns;
 	station->channel.fd = socket(AF_INET6, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
@@ -521,7 +437,7 @@ static void become_up(struct centre_station *station)
 	station->link = CENTRE_UP;
 	retry_opened(&station->retry, station->centre->now.monotonic_ns);
 	station->slow = false;
-	say_link(station, CENTRE_UP, 0, 0, 0);
+	centre_say_link(station, CENTRE_UP, 0, 0, 0);
 	iec104_polls_begin(station->polls, station->plan->poll_count, station->centre->now.monotonic_ns);
 	station->due_ns = 0;
 }
@@ -539,7 +455,7 @@ static void run(struct centre_station *station)
 		ask_next(station);
 	if (!channel_keep(&station->channel, station->centre->now.monotonic_ns))
 		iec104_session_close(session, IEC104_NOT_SECURE);
-	transmit(station);
+	centre_station_transmit(station);
 	if (session->closing != IEC104_OPEN) {
 		iec104_controlling_run(&station->controlling, station->centre->now); /* ends the requests */
 		lose(station, (uint8_t)session->closing, 0);
@@ -593,19 +509,19 @@ void centre_station_ready(struct centre_station *station, uint32_t events)
 		receive(station); /* it waits for the socket to be writable */
 	if (has_session(station))
 		run_with_pending(station);
-	schedule(station);
+	centre_station_schedule(station);
 }
 
 void centre_station_due(struct centre_station *station)
 {
-	int64_t due_ns = station->centre->deadlines.due_ns[place_of(station)];
+	int64_t due_ns = station->centre->deadlines.due_ns[centre_place_of(station)];
 
 	if (has_session(station) &&
 	    (station->centre->now.monotonic_ns - due_ns > LATE_NS || channel_pending(&station->channel)))
 		receive(station);
 	lose_patience(station);
 	advance(station);
-	schedule(station);
+	centre_station_schedule(station);
 }
 
 /* Its turn in the window has come; a station may have lost its connection, or its wish, while it waited. */
@@ -622,7 +538,7 @@ static void take_turn(struct centre_station *station, uint8_t window)
 	} else {
 		leave_window(station);
 	}
-	schedule(station);
+	centre_station_schedule(station);
 }
 
 bool centre_admit_next(struct centre *centre)
@@ -657,187 +573,11 @@ void centre_station_release(struct centre *centre, const struct centre_record *r
 	iec104_session_release(session, 1, centre->now.monotonic_ns);
 	iec104_session_run(session, centre->now.monotonic_ns);
 	if (session->closing == IEC104_OPEN)
-		transmit(station);
-	schedule(station);
+		centre_station_transmit(station);
+	centre_station_schedule(station);
 }
 
-static void say_not_sent(struct centre *centre, const struct centre_request *request, uint8_t result)
-{
-	struct centre_record *record = add(centre, request->station, CENTRE_PROGRESS);
-	bool selects = request->kind == CENTRE_COMMAND && (request->flags & CENTRE_SELECT) != 0;
-
-	record->received_ns = centre->now.wall_ns;
-	record->ca = request->ca;
-	record->ioa = request->ioa;
-	record->progress.state = selects ? MAP_REFUSED_SELECTION : MAP_REFUSED_COMMAND;
-	record->progress.result = result;
-	record->progress.id_low = (uint32_t)request->id;
-	record->progress.id_high = (uint32_t)(request->id >> 32);
-}
-
-static const struct iec104_controlling_request *request_of(const struct centre_station *station, uint32_t id)
-{
-	for (unsigned i = 0; i < IEC104_CONTROLLING_REQUESTS_MAX; i++)
-		if (station->controlling.requests[i].id == id)
-			return &station->controlling.requests[i];
-	return NULL;
-}
-
-static struct centre_order *order_of_id(struct centre_station *station, uint64_t id)
-{
-	for (unsigned i = 0; i < IEC104_CONTROLLING_REQUESTS_MAX; i++)
-		if (station->orders[i].request != 0 && station->orders[i].id == id)
-			return &station->orders[i];
-	return NULL;
-}
-
-/* Executes or cancels what was selected. */
-static bool go_on(struct centre_station *station, const struct centre_request *request)
-{
-	struct centre_order *order = order_of_id(station, request->id);
-	struct iec104_moment now = station->centre->now;
-
-	if (order == NULL)
-		return false;
-	return request->kind == CENTRE_EXECUTE
-		   ? iec104_controlling_execute(&station->controlling, order->request, now)
-		   : iec104_controlling_cancel(&station->controlling, order->request, now);
-}
-
-static uint32_t post_order(struct centre_station *station, const struct centre_request *request,
-			   const struct iec104_command *command)
-{
-	struct iec104_controlling *controlling = &station->controlling;
-	struct iec104_moment now = station->centre->now;
-
-	switch (request->kind) {
-	case CENTRE_COMMAND:
-		return iec104_controlling_command(controlling, request->ca, command, now);
-	case CENTRE_INTERROGATE:
-		return iec104_controlling_interrogate(controlling, request->ca, request->qualifier, now);
-	case CENTRE_COUNTERS:
-		return iec104_controlling_interrogate_counters(controlling, request->ca, request->qualifier,
-							       now);
-	case CENTRE_READ:
-		return iec104_controlling_read(controlling, request->ca, request->ioa, now);
-	case CENTRE_TEST_COMMAND:
-		return iec104_controlling_test(controlling, request->ca, (uint16_t)request->value.u, now);
-	case CENTRE_RESET:
-		return iec104_controlling_reset(controlling, request->ca, request->qualifier, now);
-	default:
-		return iec104_controlling_set_clock(controlling, request->ca, now);
-	}
-}
-
-/* MAP_RESULT_NONE: it was sent. */
-static uint8_t try_order(struct centre_station *station, const struct centre_request *request)
-{
-	struct centre_order *order = order_of(station, 0);
-	struct iec104_command command = {0};
-	bool goes_on = request->kind == CENTRE_EXECUTE || request->kind == CENTRE_CANCEL;
-
-	if (station->link != CENTRE_UP)
-		return CENTRE_NOT_UP;
-	if (!centre_has_room(station->centre))
-		return CENTRE_BUSY; /* nor would the answer be read now */
-	if (goes_on && !go_on(station, request))
-		return CENTRE_NOT_KNOWN;
-	if (goes_on)
-		return MAP_RESULT_NONE;
-	if (order_of_id(station, request->id) != NULL)
-		return MAP_RESULT_INTERLOCK;
-	if (request->kind == CENTRE_COMMAND && !centre_request_command(request, &command))
-		return MAP_RESULT_OUT_OF_RANGE;
-	if (order == NULL)
-		return CENTRE_BUSY;
-	order->request = post_order(station, request, &command);
-	order->id = request->id;
-	if (order->request == 0)
-		return CENTRE_BUSY;
-	return MAP_RESULT_NONE;
-}
-
-void centre_station_order(struct centre *centre, const struct centre_request *request)
-{
-	struct centre_station *station;
-	uint32_t number;
-	uint8_t result;
-
-	if (!centre_config_station(centre->config, request->station, &number)) {
-		say_not_sent(centre, request, CENTRE_NOT_KNOWN);
-		return;
-	}
-	station = &centre->stations[number];
-	if (request->kind == CENTRE_TRACE) {
-		station->traced = request->value.u == 1;
-		if (station->partner != NULL)
-			station->partner->traced = station->traced;
-		return;
-	}
-	if (station->partner != NULL && station->partner->link == CENTRE_UP)
-		station = station->partner;
-	result = try_order(station, request);
-	if (result != MAP_RESULT_NONE) {
-		say_not_sent(centre, request, result);
-		return;
-	}
-	say_progress(station, request_of(station, order_of_id(station, request->id)->request), request->id);
-	transmit(station);
-	schedule(station);
-}
-
-/* ---- all of them ------------------------------------------------------------------------- */
-
-bool centre_tell_next(struct centre *centre)
-{
-	struct centre_record *record;
-
-	if (centre->told == centre->config->station_count)
-		return false;
-	record = add(centre, centre_config_place(centre->config, centre->told), CENTRE_STATION);
-	memcpy(record->name, centre->config->stations[centre->told].name, CENTRE_NAME_SIZE);
-	centre->told++;
-	return true;
-}
-
-void centre_stations_begin(struct centre *centre)
-{
-	centre_batches_reset(&centre->batches);
-	centre->told = 0;
-	for (uint32_t i = 0; i < centre->config->link_count; i++) {
-		struct centre_station *station = &centre->stations[i];
-
-		station->due_ns = centre->now.monotonic_ns;
-		station->retry = retry_begin(centre->config->retry_ns, centre->config->retry_max_ns);
-		station->failed = station->slow = station->waits = false;
-		station->traced = station->gap = false;
-		schedule(station);
-	}
-}
-
-void centre_stations_end(struct centre *centre)
-{
-	for (unsigned i = 0; i < CENTRE_WINDOWS; i++)
-		centre_window_clear(&centre->windows[i]);
-	for (uint32_t i = 0; i < centre->config->link_count; i++) {
-		struct centre_station *station = &centre->stations[i];
-
-		station->window = CENTRE_NO_WINDOW;
-		close_connection(station);
-		station->link = CENTRE_WAITING;
-		centre_deadlines_set(&centre->deadlines, i, INT64_MAX);
-	}
-}
-
-size_t centre_octets_of_station(const struct centre_config *config)
-{
-	return sizeof(struct centre_station) + config->receive_octets + config->send_octets +
-	       config->common.times.k * sizeof(int64_t) + sizeof(int64_t) + 3 * sizeof(uint32_t) +
-	       sizeof(struct centre_plan);
-}
-
-/* i: of a link; it is the first one of station i, or a second one. */
-static void init_station(struct centre *centre, uint32_t i, uint32_t number)
+void centre_station_init(struct centre *centre, uint32_t i, uint32_t number)
 {
 	const struct centre_config *config = centre->config;
 	struct centre_station *station = &centre->stations[i];
@@ -866,50 +606,4 @@ static void init_station(struct centre *centre, uint32_t i, uint32_t number)
 				   .output = centre->octets + i * octets + config->receive_octets,
 				   .input_size = config->receive_octets,
 				   .output_size = config->send_octets};
-}
-
-bool centre_stations_init(struct centre *centre, const struct centre_config *config)
-{
-	const uint32_t count = config->link_count;
-
-	*centre = (struct centre){.config = config, .consumer = -1};
-	centre->epoll = epoll_create1(EPOLL_CLOEXEC);
-	centre->next = calloc(count, sizeof(*centre->next));
-	centre->stations = calloc(count, sizeof(*centre->stations));
-	centre->octets = calloc(count, (size_t)config->receive_octets + config->send_octets);
-	centre->sent_ns = calloc((size_t)count * config->common.times.k, sizeof(*centre->sent_ns));
-	if (centre->epoll < 0 || centre->next == NULL || centre->stations == NULL || centre->octets == NULL ||
-	    centre->sent_ns == NULL || !centre_deadlines_init(&centre->deadlines, count) ||
-	    !centre_batches_init(&centre->batches, config->batches, config->batch_records,
-				 config->batches_in_flight))
-		return false;
-	for (unsigned i = 0; i < CENTRE_WINDOWS; i++)
-		centre_window_init(&centre->windows[i],
-				   i < CENTRE_POLL ? config->connections_at_once : config->polls_at_once,
-				   centre->next);
-	for (uint32_t i = 0; i < config->station_count; i++) {
-		struct centre_station *first = &centre->stations[i];
-
-		init_station(centre, i, i);
-		if (config->stations[i].address_count == 1)
-			continue;
-		first->partner = &centre->stations[config->stations[i].second];
-		init_station(centre, config->stations[i].second, i);
-		first->partner->partner = first;
-	}
-	return true;
-}
-
-void centre_stations_free(struct centre *centre)
-{
-	if (centre->epoll >= 0)
-		close(centre->epoll);
-	centre_batches_free(&centre->batches);
-	centre_deadlines_free(&centre->deadlines);
-	for (uint32_t i = 0; centre->stations != NULL && i < centre->config->link_count; i++)
-		channel_forget(&centre->stations[i].security);
-	free(centre->next);
-	free(centre->stations);
-	free(centre->octets);
-	free(centre->sent_ns);
 }

@@ -77,22 +77,8 @@ struct centre {
 	struct centre_record nowhere;    /* what is said while nobody listens */
 };
 
-/* Everything that will ever be allocated. False: no memory. */
-bool centre_stations_init(struct centre *centre, const struct centre_config *config);
-void centre_stations_free(struct centre *centre);
-/* The octets of memory that a station has, and the process for all of them. */
-size_t centre_octets_of_station(const struct centre_config *config);
-
-/* There is a consumer: all stations are tried. There is none: all connections end. */
-void centre_stations_begin(struct centre *centre);
-void centre_stations_end(struct centre *centre);
-
-/* There is room for all that a station may say in one step. */
-bool centre_has_room(const struct centre *centre);
 /* What follows needs centre_has_room, each time anew. */
 
-/* Tells the consumer the next station of the configuration. False: all are told. */
-bool centre_tell_next(struct centre *centre);
 /* Its connection is readable, writable or broken: events of epoll. */
 void centre_station_ready(struct centre_station *station, uint32_t events);
 /* Its deadline is over. */
@@ -100,11 +86,18 @@ void centre_station_due(struct centre_station *station);
 /* Those that wait for a place, while there are any; one at a time. False: nobody got one. */
 bool centre_admit_next(struct centre *centre);
 
-/* ---- for the consumer -------------------------------------------------------------------- */
-
 /* An ASDU is in the consumer's hands. */
 void centre_station_release(struct centre *centre, const struct centre_record *record);
-/* Sends a request, or says why it is not sent; at most one record. */
-void centre_station_order(struct centre *centre, const struct centre_request *request);
+
+/* ---- for those that are made of it ------------------------------------------------------- */
+
+/* i: of a link; it is the first one of the station of this number, or a second one. */
+void centre_station_init(struct centre *centre, uint32_t i, uint32_t number);
+/* When something is due next. */
+void centre_station_schedule(struct centre_station *station);
+void centre_station_transmit(struct centre_station *station);
+void centre_station_close(struct centre_station *station);
+/* Whose request this is; 0: a free place. NULL: there is none. */
+struct centre_order *centre_order_of(struct centre_station *station, uint32_t request);
 
 #endif
