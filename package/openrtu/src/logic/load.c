@@ -237,17 +237,10 @@ static bool string_fits(const struct logic *logic, const struct logic_string *st
 	return true;
 }
 
-static const char *check_tables(const struct logic *logic)
+static const char *check_arrays(const struct logic *logic)
 {
 	const struct logic_head *head = logic->head;
 
-	if (head->constants > head->slots || head->slots == LOGIC_NO_SLOT || head->code > INT16_MAX)
-		return "the program is too large";
-	if (head->names == 0 || logic->names[head->names - 1] != '\0' || !name_fits(logic, head->name))
-		return "the names have no end";
-	for (uint16_t i = 0; i < head->slots; i++)
-		if (logic->types[i] >= LOGIC_TYPES)
-			return "a variable has an unknown type";
 	for (uint16_t i = 0; i < head->arrays; i++) {
 		const struct logic_array *array = &logic->arrays[i];
 		uint32_t last = array->first + (uint32_t)array->stride * (array->elements - 1U);
@@ -258,6 +251,40 @@ static const char *check_tables(const struct logic *logic)
 			if (logic->types[slot] != array->type)
 				return "an array has elements of several types";
 	}
+	return NULL;
+}
+
+static const char *check_retained(const struct logic *logic)
+{
+	const struct logic_head *head = logic->head;
+
+	for (uint16_t i = 0; i < head->retained; i++) {
+		const struct logic_retained *kept = &logic->retained[i];
+
+		if (kept->first < head->constants || kept->slots > head->slots - kept->first ||
+		    !name_fits(logic, kept->name))
+			return "a retained variable has no memory";
+		if (kept->ends_with_power > 1 || (i > 0 && kept->ends_with_power < kept[-1].ends_with_power))
+			return "what is retained is not in its order";
+		for (uint16_t j = 0; j < kept->slots; j++)
+			if (logic->types[kept->first + j] != kept->type)
+				return "a retained variable has several types";
+	}
+	return NULL;
+}
+
+static const char *check_tables(const struct logic *logic)
+{
+	const struct logic_head *head = logic->head;
+	const char *why;
+
+	if (head->constants > head->slots || head->slots == LOGIC_NO_SLOT || head->code > INT16_MAX)
+		return "the program is too large";
+	if (head->names == 0 || logic->names[head->names - 1] != '\0' || !name_fits(logic, head->name))
+		return "the names have no end";
+	for (uint16_t i = 0; i < head->slots; i++)
+		if (logic->types[i] >= LOGIC_TYPES)
+			return "a variable has an unknown type";
 	for (uint16_t i = 0; i < head->strings; i++)
 		if (!string_fits(logic, &logic->strings[i]))
 			return "a string has no memory";
@@ -286,18 +313,11 @@ static const char *check_tables(const struct logic *logic)
 		    !variable_is(logic, request->result, LOGIC_USINT) || !name_fits(logic, request->name))
 			return "a request has no variables";
 	}
-	for (uint16_t i = 0; i < head->retained; i++) {
-		const struct logic_retained *kept = &logic->retained[i];
-
-		if (kept->first < head->constants || kept->slots > head->slots - kept->first ||
-		    !name_fits(logic, kept->name))
-			return "a retained variable has no memory";
-		if (kept->ends_with_power > 1 || (i > 0 && kept->ends_with_power < kept[-1].ends_with_power))
-			return "what is retained is not in its order";
-		for (uint16_t j = 0; j < kept->slots; j++)
-			if (logic->types[kept->first + j] != kept->type)
-				return "a retained variable has several types";
-	}
+	why = check_arrays(logic);
+	if (why == NULL)
+		why = check_retained(logic);
+	if (why != NULL)
+		return why;
 	if (!place_fits(logic, head->uptime, LOGIC_TIME) || !place_fits(logic, head->elapsed, LOGIC_TIME) ||
 	    !place_fits(logic, head->now, LOGIC_DT))
 		return "the time has no variable";

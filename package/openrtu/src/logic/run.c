@@ -234,6 +234,7 @@ static bool spend(uint32_t *budget, uint32_t instructions)
 /*
  * The budget is spent where the way turns back and where it calls, by the instructions that may have run or may run: what
  * is straight needs no counting, and the number is the same on every machine. BLOCK and SPREAD spend their slots.
+ * It is one function, however long, so that what it works on stays in registers from one instruction to the next.
  */
 static bool run(struct logic *logic, uint32_t budget)
 {

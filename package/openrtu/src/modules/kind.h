@@ -29,6 +29,12 @@ struct kind_run {
 	size_t memory;                      /* bytes of address space; 0: as rtud gives it */
 };
 
+/* It is a program that rtud starts. */
+static inline bool kind_is_started(const struct kind_run *run)
+{
+	return run->program != NULL || run->path != NULL;
+}
+
 /* Where a module listens. */
 struct kind_port {
 	int type; /* SOCK_STREAM, SOCK_DGRAM */

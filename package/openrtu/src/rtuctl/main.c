@@ -332,26 +332,26 @@ static bool parse_count(const char *text, struct line *line)
 	return isdigit((unsigned char)text[0]) && *end == '\0' && line->request.count > 0;
 }
 
+static const struct option options[] = {
+    {"map", required_argument, NULL, 'm'},
+    {"json", no_argument, NULL, 'j'},
+    {"count", required_argument, NULL, 'c'},
+    {"select", no_argument, NULL, 's'},
+    {"pulse", required_argument, NULL, 'p'},
+    {"histogram", no_argument, NULL, 'g'},
+    {"suggest", no_argument, NULL, 'u'},
+    {"once", no_argument, NULL, 'o'},
+    {"svg", required_argument, NULL, 'v'},
+    {"dry-run", no_argument, NULL, 'd'},
+    {"for", required_argument, NULL, 'f'},
+    {"help", no_argument, NULL, 'h'},
+    {"version", no_argument, NULL, 'V'},
+    {"completion", no_argument, NULL, 'C'},
+    {NULL, 0, NULL, 0},
+};
+
 static int take_option(struct line *line, int argc, char **argv)
 {
-	static const struct option options[] = {
-	    {"map", required_argument, NULL, 'm'},
-	    {"json", no_argument, NULL, 'j'},
-	    {"count", required_argument, NULL, 'c'},
-	    {"select", no_argument, NULL, 's'},
-	    {"pulse", required_argument, NULL, 'p'},
-	    {"histogram", no_argument, NULL, 'g'},
-	    {"suggest", no_argument, NULL, 'u'},
-	    {"once", no_argument, NULL, 'o'},
-	    {"svg", required_argument, NULL, 'v'},
-	    {"dry-run", no_argument, NULL, 'd'},
-	    {"for", required_argument, NULL, 'f'},
-	    {"help", no_argument, NULL, 'h'},
-	    {"version", no_argument, NULL, 'V'},
-	    {"completion", no_argument, NULL, 'C'},
-	    {NULL, 0, NULL, 0},
-	};
-
 	switch (getopt_long(argc, argv, "+", options, NULL)) {
 	case 'm':
 		line->request.dir = optarg;

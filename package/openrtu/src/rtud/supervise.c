@@ -26,9 +26,11 @@
 #include "rtud/force.h"
 #include "rtud/kinds.h"
 #include "rtud/plan.h"
+#include "rtud/print.h"
 #include "rtud/process.h"
 #include "rtud/programs.h"
 #include "rtud/reload.h"
+#include "rtud/serve.h"
 #include "rtud/start.h"
 #include "rtud/watchdog.h"
 
@@ -39,95 +41,12 @@
 #define SILENCE_PAUSE_MS 10000 /* between two silences of a module that the log has */
 #define QUICK_RESTART_MS 100   /* pause after a life shorter than a second */
 #define SLOW_RESTART_MS  5000  /* longest pause for a module that cannot run */
-#define LINES_A_TICK     16    /* of each module's log */
-#define LINES_AT_END     128
-#define RESET_DELAY_MS   500 /* until then whoever asked for a reset has been told */
-#define RESET_PAUSE_MS   10000
-
-/* ---- log --------------------------------------------------------------------------------- */
-
-static void print_line(const struct map *map, uint32_t module, const struct map_log_line *line)
-{
-	static const char *const levels[] = {"error", "warning", "info", "debug"};
-	int64_t wall = map_wall_ns(map_clock_read(map), line->time_ns);
-	time_t seconds = (time_t)(wall / NS_PER_S);
-	struct map_module description;
-	struct tm utc;
-	char date[32];
-
-	map_module(map, module, &description);
-	gmtime_r(&seconds, &utc);
-	strftime(date, sizeof(date), "%Y-%m-%dT%H:%M:%S", &utc);
-	fprintf(stderr, "%s.%03dZ %s %s: %s\n", date, (int)(wall / NS_PER_MS % MS_PER_S), description.name,
-		line->level < 4 ? levels[line->level] : "?", line->text);
-}
-
-/* A module that keeps map_log's pace loses nothing. One gone wild loses lines, and fills neither the log nor rtud's time. */
-static const struct map_pace print_pace = {MAP_LOG_PERIOD_NS / 2, 2 * MAP_LOG_AT_ONCE};
-
-static void say_lost_lines(const struct supervisor *supervisor, uint32_t module, uint32_t times)
-{
-	struct map_module description;
-
-	map_module(supervisor->map, module, &description);
-	if (times > 0)
-		map_log(supervisor->map, MAP_LOG_WARNING,
-			"%u lines of %s were lost: it wrote too many at once", times, description.name);
-}
-
-static void print_log(struct supervisor *supervisor, uint32_t module, int64_t now_ns)
-{
-	struct log_reader *log = &supervisor->logs[module];
-	struct map_log_line line;
-	uint32_t lost = 0;
-
-	for (unsigned i = 0; i < LINES_A_TICK && map_lines_room(&log->lines, print_pace, now_ns) &&
-			     map_log_next(supervisor->map, module, &log->position, &line, &lost);
-	     i++) {
-		map_lines_take(&log->lines, print_pace, now_ns);
-		print_line(supervisor->map, module, &line);
-	}
-	say_lost_lines(supervisor, module,
-		       lost > 0 ? map_repeats_happened(&log->lost, lost, now_ns)
-				: map_repeats_due(&log->lost, now_ns));
-}
-
-/* rtud's own is the last, since it says what of the others was lost. */
-static void print_logs(struct supervisor *supervisor)
-{
-	const int64_t now_ns = map_now_ns();
-
-	for (uint32_t i = map_module_count(supervisor->map); i-- > 0;)
-		print_log(supervisor, i, now_ns);
-}
-
-/* All that is left, and lost. */
-static void print_last_lines(struct supervisor *supervisor)
-{
-	struct map_log_line line;
-
-	for (uint32_t i = map_module_count(supervisor->map); i-- > 0;) {
-		struct log_reader *log = &supervisor->logs[i];
-		uint32_t lost = log->lost.unsaid;
-
-		for (unsigned printed = 0;
-		     printed < LINES_AT_END && map_log_next(supervisor->map, i, &log->position, &line, &lost);
-		     printed++)
-			print_line(supervisor->map, i, &line);
-		say_lost_lines(supervisor, i, lost);
-	}
-}
 
 /* ---- one module -------------------------------------------------------------------------- */
 
 static struct kind_run run_of(const struct supervisor *supervisor, const struct map_module *module)
 {
 	return kinds_run(module, map_config(supervisor->map));
-}
-
-static bool is_started(const struct kind_run *run)
-{
-	return run->program != NULL || run->path != NULL;
 }
 
 static void start_module(struct supervisor *supervisor, uint32_t index, const struct map_module *module)
@@ -316,7 +235,7 @@ static void watch_module(struct supervisor *supervisor, uint32_t index)
 		return;
 	map_module(supervisor->map, index, &module);
 	run = run_of(supervisor, &module);
-	if (!is_started(&run))
+	if (!kind_is_started(&run))
 		return;
 	if (child->pid == 0 && (child->held || reload_holds(supervisor, index)))
 		return;
@@ -339,88 +258,6 @@ static void watch_modules(struct supervisor *supervisor)
 	force_tick(supervisor->map);
 	for (uint32_t i = 0; i < map_module_count(supervisor->map); i++)
 		watch_module(supervisor, i);
-}
-
-/* ---- requests to rtud -------------------------------------------------------------------- */
-
-/* Not one after another: a module gone wild shall not keep the others from working. */
-static void take_reset(struct supervisor *supervisor, const struct map_request *request)
-{
-	int64_t now = map_now_ns();
-	bool soon = supervisor->reset_at_ns != 0 || supervisor->reload.phase != RELOAD_IDLE ||
-		    (supervisor->reset_ns != 0 && now - supervisor->reset_ns < RESET_PAUSE_MS * NS_PER_MS);
-	struct map_module requester;
-
-	map_module(supervisor->map, request->requester, &requester);
-	map_log(supervisor->map, MAP_LOG_WARNING, "%s asked for a reset of all modules%s", requester.name,
-		soon ? ": refused, the last one was just now" : "");
-	map_request_answer(supervisor->map, request, soon ? MAP_RESULT_INTERLOCK : MAP_RESULT_DONE);
-	if (!soon)
-		supervisor->reset_at_ns = now + RESET_DELAY_MS * NS_PER_MS;
-}
-
-static const char *const wishes[] = {
-    [MAP_WISH_STOP] = "stop", [MAP_WISH_START] = "start", [MAP_WISH_RESTART] = "restart"};
-
-/* False: it is none that rtud runs, or not this requester's to ask for. */
-static bool may_wish(const struct supervisor *supervisor, const struct map_request *request)
-{
-	struct map_module requester, module;
-	struct kind_run run;
-
-	map_module(supervisor->map, request->requester, &requester);
-	if (!(requester.flags & MAP_IS_LOCAL) || request->point >= map_module_count(supervisor->map) ||
-	    map_is_gone(supervisor->map, request->point) ||
-	    request->detail >= sizeof(wishes) / sizeof(wishes[0]))
-		return false;
-	map_module(supervisor->map, request->point, &module);
-	run = run_of(supervisor, &module);
-	return is_started(&run);
-}
-
-static void take_wish(struct supervisor *supervisor, const struct map_request *request)
-{
-	struct map_module requester, module;
-	struct child *child;
-
-	if (supervisor->reload.phase != RELOAD_IDLE) {
-		map_request_answer(supervisor->map, request, MAP_RESULT_INTERLOCK);
-		return;
-	}
-	if (!may_wish(supervisor, request)) {
-		map_request_answer(supervisor->map, request, MAP_RESULT_NOT_COMMANDABLE);
-		return;
-	}
-	map_module(supervisor->map, request->requester, &requester);
-	map_module(supervisor->map, request->point, &module);
-	map_log(supervisor->map, MAP_LOG_WARNING, "%s asked to %s %s", requester.name,
-		wishes[request->detail], module.name);
-	child = &supervisor->children[request->point];
-	child->held = request->detail == MAP_WISH_STOP;
-	child->restart_at_ns = 0;
-	if (request->detail != MAP_WISH_START)
-		start_end(child);
-	if (child->held && child->pid == 0)
-		map_module_ended(supervisor->map, request->point, false);
-	map_request_answer(supervisor->map, request, MAP_RESULT_DONE);
-}
-
-static void serve_requests(struct supervisor *supervisor)
-{
-	struct map_request request;
-
-	while (map_request_next(supervisor->map, &request)) {
-		if (request.action == MAP_SET_CLOCK)
-			clock_set(supervisor->map, &request);
-		else if (request.action == MAP_RESTART)
-			take_reset(supervisor, &request);
-		else if (request.action == MAP_MODULE)
-			take_wish(supervisor, &request);
-		else if (request.action == MAP_RELOAD)
-			reload_take(supervisor, &request);
-		else if (request.action == MAP_FORCE)
-			force_take(supervisor->map, &request);
-	}
 }
 
 /* ---- stopping ---------------------------------------------------------------------------- */
