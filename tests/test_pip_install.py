@@ -104,10 +104,9 @@ def test_pins_has_its_templates_and_tables(tools: Path, elsewhere: Path) -> None
     """Of each file that comes with the package, something that needs it."""
     assert "unknown-property" in run(tools, elsewhere, "nuc980-pins", "explain", "rules").stdout
     assert "LQFP128 116 (this board)" in run(tools, elsewhere, "nuc980-pins", "explain", "PE11").stdout
-    for words in (("map", "-o", "pins.html"), ("generate", "--linux", "pins.h")):
-        done = run(tools, elsewhere, "nuc980-pins", *words)
-        assert (done.returncode, done.stderr) == (0, "")
-        assert (elsewhere / words[2]).stat().st_size > 10_000
+    done = run(tools, elsewhere, "nuc980-pins", "map", "-o", "pins.html")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (elsewhere / "pins.html").stat().st_size > 10_000
 
 
 def test_pins_generates_in_a_clone_only(tools: Path, elsewhere: Path) -> None:

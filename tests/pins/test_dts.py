@@ -14,7 +14,7 @@ from nuc980.pins.board import load_board
 from nuc980.pins.chip import load_chip
 from nuc980.pins.claims import claims
 from nuc980.pins.dtb import read_dtb
-from nuc980.pins.generate import ROUTING_FILE, SOC_FILE, generated, pins_file, stale, write
+from nuc980.pins.generate import LINUX_FILE, ROUTING_FILE, SOC_FILE, generated, pins_file, stale, write
 from nuc980.pins.rules import check
 from nuc980.pins.source import read_source
 from nuc980.pins.tree import Tree
@@ -56,7 +56,7 @@ def test_write_touches_only_what_changed(tmp_path: Path) -> None:
     files = generated(CHIP, {"gateway": BOARD})
     for path in files:
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
-    assert write(files, tmp_path) == list(files) == [SOC_FILE, PINS_FILE, ROUTING_FILE]
+    assert write(files, tmp_path) == list(files) == [SOC_FILE, PINS_FILE, ROUTING_FILE, LINUX_FILE]
     assert write(files, tmp_path) == []
     (tmp_path / PINS_FILE).write_text("/* somebody's own */")
     assert stale(files, tmp_path) == [PINS_FILE]

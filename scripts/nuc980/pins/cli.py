@@ -45,15 +45,9 @@ def _parser() -> argparse.ArgumentParser:
     def add(name: str, does: str) -> argparse.ArgumentParser:
         return commands.add_parser(name, help=does, description=f"{does[0].upper()}{does[1:]}.")
 
-    command = add("generate", "write the device-tree files that come from chip data and pin table")
+    command = add("generate", "write the files that come from chip data and pin table")
     command.add_argument(
         "--check", action="store_true", help="write nothing; exit 1 when a file is out of date"
-    )
-    command.add_argument(
-        "--linux",
-        type=Path,
-        metavar="FILE",
-        help="write only FILE, the pins for our Linux driver (pinctrl-nuc980-pins.h)",
     )
     command.set_defaults(run=_generate)
 
@@ -140,27 +134,19 @@ def _add_source_options(command: argparse.ArgumentParser) -> None:
 
 def _generate(parsed: argparse.Namespace) -> int:
     # jinja2 takes longer to load than a check to run.
-    from nuc980.pins.generate import generated, linux_table, stale, write
+    from nuc980.pins.generate import generated, stale, write
 
-    if parsed.linux:
-        files = {parsed.linux.absolute(): linux_table(load_chip())}
-        command = f"nuc980-pins generate --linux {parsed.linux}"
-    else:
-        if PIN_TABLE != ROOT / "board" / "nuc980" / "boards" / "gateway" / "pins.yml":
-            raise UnusableInput(
-                "generate writes into a clone of OpenRTU: run scripts/nuc980-pins there; "
-                "generate --linux FILE works anywhere"
-            )
-        chip = load_chip()
-        files = generated(chip, {name: load_board(pin_table(name), chip) for name in board_names()})
-        command = "make dtb, or nuc980-pins generate"
+    if PIN_TABLE != ROOT / "board" / "nuc980" / "boards" / "gateway" / "pins.yml":
+        raise UnusableInput("generate writes into a clone of OpenRTU: run scripts/nuc980-pins there")
+    chip = load_chip()
+    files = generated(chip, {name: load_board(pin_table(name), chip) for name in board_names()})
     if not parsed.check:
         for path in write(files, ROOT):
             print(f"{path}: written")
         return DONE
     out_of_date = stale(files, ROOT)
     for path in out_of_date:
-        print(f"{path}: differs from chip data and pin table; type: {command}")
+        print(f"{path}: differs from chip data and pin table; type: make dtb, or nuc980-pins generate")
     return FOUND if out_of_date else DONE
 
 

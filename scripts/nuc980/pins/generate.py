@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is made from chip data and pin table: device-tree files, and the pin routing of the emulated chip."""
+"""What is made from chip data and pin table: device trees, the pins of Linux and of the emulated chip."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from nuc980.pins.chip import BANKS, PINS_A_BANK, Chip, Peripheral, pin_order
 TEMPLATES = Path(__file__).parent / "templates"
 SOC_FILE = Path("dts/nuvoton/nuc980.dtsi")
 ROUTING_FILE = Path("board/nuc980/qemu/include/hw/misc/nuc980_pins_table.h")
+LINUX_FILE = Path("board/nuc980/linux/drivers/pinctrl/nuvoton/pinctrl-nuc980-pins.h")
 
 # What other nodes refer to, or what is on in every system: without a status, so on.
 ALWAYS_ON = ("aic", "pinctrl", "gpio")
@@ -59,6 +60,13 @@ def generated(chip: Chip, boards: Mapping[str, Board]) -> dict[Path, str]:
             owners=sorted(_owners(chip).items()),
             boards=[_wiring(chip, name, board) for name, board in boards.items()],
         ),
+        LINUX_FILE: templates.get_template("pinctrl-nuc980-pins.h.j2").render(
+            functions=1 + max(value for functions in chip.pins.values() for value in functions),
+            pins=[
+                _linux_pin(pin, functions)
+                for pin, functions in sorted(chip.pins.items(), key=lambda one: pin_order(one[0]))
+            ],
+        ),
     }
 
 
@@ -81,19 +89,6 @@ def _wiring(chip: Chip, name: str, board: Board) -> dict[str, Any]:
         ),
         "closed": sorted((*pin_order(pin), _c_string(why)) for pin, why in _closed(chip, board).items()),
     }
-
-
-def linux_table(chip: Chip) -> str:
-    """The pins as drivers/pinctrl/nuvoton/pinctrl-nuc980-pins.h of our patches/linux has them."""
-    pins = sorted(chip.pins.items(), key=lambda one: pin_order(one[0]))
-    return (
-        _templates()
-        .get_template("pinctrl-nuc980-pins.h.j2")
-        .render(
-            functions=1 + max(value for functions in chip.pins.values() for value in functions),
-            pins=[_linux_pin(pin, functions) for pin, functions in pins],
-        )
-    )
 
 
 def write(files: dict[Path, str], root: Path) -> list[Path]:
