@@ -11,6 +11,7 @@ import socket
 import ssl
 import threading
 import time
+from collections import ChainMap
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
@@ -26,7 +27,7 @@ from openrtu_tools.centre import outbox
 from openrtu_tools.centre.centre import Centre
 from openrtu_tools.centre.errors import CentreError, StoreError
 from openrtu_tools.centre.formats import moment
-from openrtu_tools.centre.model import NS_PER_MS, Changes, Json
+from openrtu_tools.centre.model import NS_PER_MS, Alarm, Changes, Json
 from openrtu_tools.centre.outbox import Message
 from openrtu_tools.centre.settings import Mail, Notify, Target
 from openrtu_tools.centre.store import Database
@@ -66,14 +67,20 @@ def written(message: Message, sender: str, to: str) -> EmailMessage:
     others = len(alarms) - 1 + content["more"]
     made = EmailMessage(policy=SMTP)
     made["From"], made["To"] = sender, to
-    made["Subject"] = f"[OpenRTU] {line(alarms[0])}"[:200] + (f" (and {others} more)" if others else "")
+    gone = content.get("gone", False)
+    subject = f"[OpenRTU] {'gone: ' if gone else ''}{line(alarms[0])}"
+    made["Subject"] = subject[:200] + (f" (and {others} more)" if others else "")
     made["Date"] = format_datetime(datetime.fromtimestamp(message.made_ns / 1e9, UTC))
     made["Message-ID"] = f"<{message.uid}@{sender.rpartition('@')[2]}>"
     made["Auto-Submitted"] = "auto-generated"
-    lines = [f"{moment(alarm['since'])}  priority {alarm['priority']}  {line(alarm)}" for alarm in alarms]
+    lines = [
+        f"{moment(alarm['since'])}  priority {alarm['priority']}  {line(alarm)}"
+        + (f", gone {moment(alarm['gone'])}" if gone else "")
+        for alarm in alarms
+    ]
     if content["more"]:
         lines.append(f"and {content['more']} more")
-    lines += ["", "Times are UTC. Acknowledge it on the control centre's page.", ""]
+    lines += ["", "Times are UTC." + ("" if gone else " Acknowledge it on the control centre's page."), ""]
     made.set_content("\n".join(lines))
     return made
 
@@ -151,7 +158,8 @@ class Notifier:
         self.centre = centre
         self.settings = settings
         self.came: dict[int, int] = {}  # alarms that nobody has acknowledged: when they came
-        self.told: set[outbox.Told] = set()
+        self.told: dict[outbox.Told, bool] = {}  # whether the last word was of its end
+        self.closed: dict[int, Alarm] = {}  # gone and acknowledged, and not everybody may know
         self.waiting: dict[str, list[Message]] = {name: [] for name in settings.targets}
         self.something = {name: asyncio.Event() for name in settings.targets}
         mail = settings.mail
@@ -168,17 +176,18 @@ class Notifier:
                 self.came.setdefault(id_, time.time_ns())
             else:
                 self.came.pop(id_, None)
-                self.told -= {(id_, name) for name in self.settings.targets}
+            if not alarm.open:
+                self.closed[id_] = alarm
 
     async def run(self) -> None:
         """Until it is cancelled."""
         self.centre.watchers.add(self)
         try:
-            came, self.told, messages = await self._store(
-                lambda database: outbox.load(database, self.settings.targets)
-            )
-            self.came = {**came, **self.came}
-            for message in messages:
+            kept = await self._store(lambda database: outbox.load(database, self.settings.targets))
+            self.told = kept.told
+            self.came = {**kept.came, **self.came}
+            self.closed = {**kept.closed, **self.closed}
+            for message in kept.messages:
                 self.waiting[message.target].append(message)
             timeout = aiohttp.ClientTimeout(total=ANSWER_S)
             async with (
@@ -204,19 +213,48 @@ class Notifier:
     async def _tell_due(self) -> None:
         """What has no room waits: it is told later, unless somebody has acknowledged it by then."""
         now_ns, model = time.time_ns(), self.centre.model
-        due = outbox.due(self.settings, self.came, model, self.told, now_ns)
-        due = {name: alarms for name, alarms in due.items() if len(self.waiting[name]) < outbox.WAITING_MOST}
-        if not due:
-            return
+        came = self._free(outbox.due(self.settings, self.came, model, self.told, now_ns))
+        known = ChainMap(self.closed, model.alarms)
+        gone = self._free(outbox.ended(self.settings, self.told, known))
 
         def add(database: Database) -> list[Message]:
-            return [outbox.add(database, name, alarms, model, now_ns) for name, alarms in due.items()]
+            return [
+                outbox.add(database, name, alarms, model, now_ns, is_end)
+                for is_end, of_targets in ((False, came), (True, gone))
+                for name, alarms in of_targets.items()
+            ]
 
-        messages = await self._store(add)
+        messages = await self._store(add) if came or gone else []
+        for is_end, of_targets in ((False, came), (True, gone)):
+            for name, alarms in of_targets.items():
+                self.told |= {(alarm.id, name): is_end for alarm in alarms}
         for message in messages:
-            self.told |= {(alarm.id, message.target) for alarm in due[message.target]}
             self.waiting[message.target].append(message)
             self.something[message.target].set()
+        self._forget_closed()
+
+    def _free(self, found: dict[str, list[Alarm]]) -> dict[str, list[Alarm]]:
+        """Without what has no room; and who is told of ends is told nothing of an alarm before the last word
+        of it was taken: in another order it would not be so.
+        """
+        free = {}
+        for name, alarms in found.items():
+            waiting = self.waiting[name]
+            if len(waiting) >= outbox.WAITING_MOST:
+                continue
+            busy = set().union(*map(outbox.names, waiting)) if self.settings.targets[name].gone else ()
+            if left := [alarm for alarm in alarms if alarm.id not in busy]:
+                free[name] = left
+        return free
+
+    def _forget_closed(self) -> None:
+        """Those of whose end all are told who want to be."""
+        for id_ in [*self.closed]:
+            of_alarm = [(name, self.told.get((id_, name))) for name in self.settings.targets]
+            if not any(said is False and self.settings.targets[name].gone for name, said in of_alarm):
+                del self.closed[id_]
+                for name in self.settings.targets:
+                    self.told.pop((id_, name), None)
 
     # ---- a target ------------------------------------------------------------------------------
 

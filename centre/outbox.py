@@ -7,12 +7,12 @@ import json
 import time
 import uuid
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from openrtu_tools.centre.alarms import NETWORK
 from openrtu_tools.centre.model import NS_PER_MS, Alarm, Json, Model, milliseconds
-from openrtu_tools.centre.settings import Notify, NotifyRule
+from openrtu_tools.centre.settings import Notify, NotifyRule, Target
 from openrtu_tools.centre.store import Database, Store, inserted
 
 ALARMS_MOST = 100  # that a message names; it counts the rest
@@ -86,9 +86,11 @@ def described(alarm: Alarm, model: Model) -> Json:
 
 
 def due(
-    settings: Notify, came: dict[int, int], model: Model, told: set[Told], now_ns: int
+    settings: Notify, came: dict[int, int], model: Model, told: Mapping[Told, bool], now_ns: int
 ) -> dict[str, list[Alarm]]:
-    """By target, what it has not been told yet. `came`: alarms that nobody has acknowledged, and when."""
+    """By target, what it has not been told yet, or that has come again since it was told of its end. `came`:
+    alarms that nobody has acknowledged, and when. `told`: whether the last word was of its end.
+    """
     found: defaultdict[str, dict[int, Alarm]] = defaultdict(dict)
     for id_, came_ns in came.items():
         alarm = model.alarms.get(id_)
@@ -100,18 +102,42 @@ def due(
         for rule in settings.rules:
             if now_ns >= came_ns + int(rule.after_s * 1e9) and fits(rule, alarm, group):
                 for target in rule.to:
-                    if (id_, target) not in told:
+                    of_its_end = told.get((id_, target))
+                    if of_its_end is None or (of_its_end and alarm.active):
                         found[target][id_] = alarm
     return {target: list(alarms.values()) for target, alarms in found.items()}
+
+
+def ended(settings: Notify, told: Mapping[Told, bool], alarms: Mapping[int, Alarm]) -> dict[str, list[Alarm]]:
+    """By target that wants it, what has gone since it was told of it."""
+    found: defaultdict[str, list[Alarm]] = defaultdict(list)
+    for (id_, target), of_its_end in told.items():
+        alarm = alarms.get(id_)
+        if settings.targets[target].gone and not of_its_end and alarm and not alarm.active:
+            found[target].append(alarm)
+    return dict(found)
+
+
+def names(message: Message) -> set[int]:
+    """The alarms that it names."""
+    return {alarm["id"] for alarm in json.loads(message.body)["alarms"]}
 
 
 # ---- in the database -----------------------------------------------------------------------------
 
 
-def load(database: Database, targets: Iterable[str]) -> tuple[dict[int, int], set[Told], list[Message]]:
-    """When each alarm came that nobody has acknowledged; who was told of which; what waits. What waits for a
-    target that the file has no more is given up.
-    """
+@dataclass
+class Kept:
+    """What the database knows when the centre starts."""
+
+    came: dict[int, int]  # alarms that nobody has acknowledged: when they came
+    told: dict[Told, bool]  # whether the last word was of its end
+    closed: dict[int, Alarm]  # gone and acknowledged, and not everybody was told of the end
+    messages: list[Message]
+
+
+def load(database: Database, targets: Mapping[str, Target]) -> Kept:
+    """What waits for a target that the file has no more is given up."""
     came = {
         row[0]: row[1]
         for row in database.execute(
@@ -119,29 +145,53 @@ def load(database: Database, targets: Iterable[str]) -> tuple[dict[int, int], se
             " FROM alarms WHERE acknowledged_ns IS NULL"
         )
     }
-    is_open = "SELECT id FROM alarms WHERE gone_ns IS NULL OR acknowledged_ns IS NULL"
-    database.execute(f"DELETE FROM told WHERE alarm NOT IN ({is_open})")
-    told = {(row[0], row[1]) for row in database.execute("SELECT alarm, target FROM told")}
     rows = database.execute(f"SELECT {COLUMNS} FROM outbox WHERE ended_ns IS NULL ORDER BY id")
     messages = [Message(*row) for row in rows]
     for message in messages:
         if message.target not in targets:
             end(database, replace(message, error="there is no such target any more"), False)
-    return came, told, [message for message in messages if message.target in targets]
+    told, closed = _load_told(database, targets)
+    return Kept(came, told, closed, [message for message in messages if message.target in targets])
 
 
-def add(database: Database, target: str, alarms: list[Alarm], model: Model, now_ns: int) -> Message:
-    """One message of all of them; and what is long past goes."""
+def _load_told(
+    database: Database, targets: Mapping[str, Target]
+) -> tuple[dict[Told, bool], dict[int, Alarm]]:
+    """What nobody is to be told any more goes."""
+    database.execute("DELETE FROM told WHERE alarm NOT IN (SELECT id FROM alarms)")
+    is_closed = "gone_ns IS NOT NULL AND acknowledged_ns IS NOT NULL"
+    rows = database.execute(f"SELECT * FROM alarms WHERE {is_closed} AND id IN (SELECT alarm FROM told)")
+    closed = {row["id"]: Alarm(**dict(row)) for row in rows}
+    told = {
+        (row[0], row[1]): bool(row[2]) for row in database.execute("SELECT alarm, target, gone FROM told")
+    }
+    over = [
+        key
+        for key, of_its_end in told.items()
+        if key[1] not in targets or (key[0] in closed and (of_its_end or not targets[key[1]].gone))
+    ]
+    database.executemany("DELETE FROM told WHERE alarm = ? AND target = ?", over)
+    for key in over:
+        del told[key]
+    return told, {id_: alarm for id_, alarm in closed.items() if any(id_ == key[0] for key in told)}
+
+
+def add(
+    database: Database, target: str, alarms: list[Alarm], model: Model, now_ns: int, gone: bool = False
+) -> Message:
+    """One message of all of them, that they came or have gone; and what is long past goes."""
     first = sorted(alarms, key=lambda alarm: alarm.priority)[:ALARMS_MOST]
     named = [described(alarm, model) for alarm in first]
-    body = json.dumps({"alarms": named, "more": len(alarms) - len(named)})
+    body = json.dumps({"gone": gone, "alarms": named, "more": len(alarms) - len(named)})
     uid = uuid.uuid4().hex
     id_ = inserted(
         database,
         "INSERT INTO outbox (uid, target, body, made_ns, next_ns) VALUES (?, ?, ?, ?, ?)",
         (uid, target, body, now_ns, now_ns),
     )
-    database.insert("told", ("alarm", "target"), [(alarm.id, target) for alarm in alarms])
+    pairs = [(alarm.id, target) for alarm in alarms]
+    database.executemany("DELETE FROM told WHERE alarm = ? AND target = ?", pairs)
+    database.insert("told", ("alarm", "target", "gone"), [(*pair, int(gone)) for pair in pairs])
     database.execute("DELETE FROM outbox WHERE ended_ns < ?", (now_ns - KEPT_NS,))
     return Message(id_, uid, target, body, now_ns, 0, now_ns, "")
 

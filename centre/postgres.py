@@ -252,6 +252,10 @@ MIGRATIONS = (
     CREATE INDEX outbox_waiting ON outbox (target) WHERE ended_ns IS NULL;
     CREATE TABLE told (alarm BIGINT NOT NULL, target TEXT NOT NULL, PRIMARY KEY (alarm, target));
     """,
+    """
+    -- Whether the target was told last that the alarm has gone.
+    ALTER TABLE told ADD COLUMN gone INTEGER NOT NULL DEFAULT 0;
+    """,
 )
 
 # Of a database that has PostGIS, for those who read: QGIS, distances. In degrees of WGS 84, and metres,

@@ -186,6 +186,7 @@ NOTIFY = {
                     "webhook": {"type": "string", "pattern": "^https://[^/@\\s]+(/\\S*)?$"},
                     "token_file": {"type": "string"},
                     "ca": {"type": "string"},
+                    "gone": {"type": "boolean"},
                 },
             },
         },
@@ -443,6 +444,7 @@ class Target:
     webhook: str = ""
     token_file: Path | None = None
     ca: Path | None = None
+    gone: bool = False  # it is told of their end, too
 
     def token(self) -> str:
         return _secret(self.token_file, "notify")

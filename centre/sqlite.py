@@ -231,6 +231,10 @@ MIGRATIONS = (
         alarm INTEGER NOT NULL, target TEXT NOT NULL, PRIMARY KEY (alarm, target)
     ) WITHOUT ROWID;
     """,
+    """
+    -- Whether the target was told last that the alarm has gone.
+    ALTER TABLE told ADD COLUMN gone INTEGER NOT NULL DEFAULT 0;
+    """,
 )
 
 

@@ -209,7 +209,7 @@ def test_rule_tells_what_it_is_for_and_nobody_twice() -> None:
     came = dict.fromkeys(model.alarms, 0)
 
     def told(now_s: int, before: set[tuple[int, str]] = frozenset()) -> dict[str, list[int]]:  # type: ignore[assignment]
-        found = outbox.due(notify, came, model, before, now_s * S)
+        found = outbox.due(notify, came, model, dict.fromkeys(before, False), now_s * S)
         return {name: [each.id for each in alarms] for name, alarms in found.items()}
 
     everything = [1, 2, 3, 6, 8]
@@ -218,6 +218,27 @@ def test_rule_tells_what_it_is_for_and_nobody_twice() -> None:
     assert "all" not in told(1, {(each, "all") for each in everything})
     assert told(60)["all"] == [1, 2, 3, 6, 7, 8]
     assert told(900)["chief"] == [1, 3, 6, 7]
+
+
+def test_end_is_told_to_who_wants_it_and_was_told_of_the_alarm() -> None:
+    model = Model()
+    model.stations[1] = Known(1, StationSettings("s1"))
+    both = ("all", "starts")
+    notify = Notify({"all": Target(mail="a@b", gone=True), "starts": Target(mail="c@d")}, (NotifyRule(both),))
+    model.alarms = {1: alarm(1, gone_ns=9), 2: alarm(2), 3: alarm(3, gone_ns=9)}
+    told = {(id_, name): False for id_ in (1, 2) for name in both}
+    ended = outbox.ended(notify, told, model.alarms)
+    assert {name: [each.id for each in alarms] for name, alarms in ended.items()} == {"all": [1]}
+    told[1, "all"] = True
+    came = dict.fromkeys(model.alarms, 0)
+
+    def due() -> dict[str, list[int]]:
+        found = outbox.due(notify, came, model, told, S)
+        return {name: [each.id for each in alarms] for name, alarms in found.items()}
+
+    assert (outbox.ended(notify, told, model.alarms), due()) == ({}, {"all": [3], "starts": [3]})
+    model.alarms[1] = alarm(1, returns=1)  # it is there again: whoever was told of its end is told
+    assert due() == {"all": [1, 3], "starts": [3]}
 
 
 def test_name_makes_no_head_of_a_mail() -> None:
@@ -295,6 +316,71 @@ def test_mail_and_request_tell_an_alarm_once(
         assert refused.value.code == "role"
         shown = json.dumps(client.get("/api/notifications"))
         assert "127.0.0.1" not in shown and "token" not in shown
+
+
+@pytest.mark.slow
+def test_end_of_an_alarm_is_told_in_order(
+    programs: Path,
+    stations: Stations,
+    station: Station,
+    server: Server | None,
+    tmp_path: Path,
+    pair: Path,
+    box: Box,
+    post: Post,
+) -> None:
+    """By mail and request, after its begin, once, over a kill; and to who asks for it alone."""
+    secrets(tmp_path)
+    mailer = Mailer(pair, box, False)
+    mailer.start()
+    hook = {"webhook": post.url, "ca": "certificate.pem", "gone": True}
+    duty, chief = {"mail": "duty@example.org", "gone": True}, {"mail": "chief@example.org"}
+    targets = {"duty": duty, "chief": chief, "hook": hook}
+    rules = [{"to": [*targets], "kinds": ["high"]}]
+    notify = {"mail": mail_of(mailer), "targets": targets, "rules": rules}
+
+    def said() -> list[tuple[bool, list[str]]]:
+        ids: dict[str, tuple[bool, list[str]]] = {}
+        for told in post.told:  # what came twice has the same id
+            ids[told["id"]] = (told["gone"], [each["text"] for each in told["alarms"]])
+        return [*ids.values()]
+
+    with Site(
+        programs,
+        tmp_path,
+        [described(station, tmp_path)],
+        users=("olga",),
+        server=server,
+        centre={"notify": notify},
+    ) as site:
+        client = site.client("olga")
+        post.holds.clear()
+        stations.say(station, 4, M_ME_TF_1, measured(now_ms(), 9))
+        until(lambda: post.told, "it has the message, and does not answer")
+        client.post("/api/alarms/acknowledge", {"ids": [each["id"] for each in client.get("/api/alarms")]})
+        stations.say(station, 4, M_ME_TF_1, measured(now_ms(), 1))
+        until(lambda: len(box.mails) == 3, "the mails do not wait for the request")
+        site.kill(site.centre)
+        post.holds.set()
+        site.start_centre()
+        until(lambda: len(said()) == 2, "the end follows")
+        client = site.client("olga")
+        stations.say(station, 4, M_ME_TF_1, measured(now_ms(), 9))
+        until(lambda: len(said()) == 3, "a new one")
+        stations.say(station, 4, M_ME_TF_1, measured(now_ms(), 1))
+        until(lambda: len(said()) == 4, "its end, which nobody has acknowledged")
+        stations.say(station, 4, M_ME_TF_1, measured(now_ms(), 8))
+        until(lambda: len(said()) == 5, "it comes again")
+        until(lambda: len(box.mails) == 7, "and each mail")
+    mailer.stop()
+    high = "level is too high: 9 m"
+    again = "level is too high: 8 m"
+    assert said() == [(False, [high]), (True, [high]), (False, [high]), (True, [high]), (False, [again])]
+    of_duty = [mail["Subject"] for mail in box.mails if mail["To"] == "duty@example.org"]
+    begin, end = f"[OpenRTU] north: {high}", f"[OpenRTU] gone: north: {high}"
+    assert of_duty == [begin, end, begin, end, f"[OpenRTU] north: {again}"]
+    assert [mail["Subject"] for mail in box.mails if mail["To"] == "chief@example.org"] == [begin, begin]
+    assert ", gone 20" in next(mail for mail in box.mails if "gone:" in mail["Subject"]).get_content()
 
 
 @pytest.mark.slow
