@@ -4,7 +4,7 @@
 #define OPENRTU_BER_FUZZ_ELEMENT_H
 
 #include "ber/ber.h"
-#include "fuzz.h"
+#include "fuzz/target.h"
 
 static inline void check_inside(const struct ber_element *element, const struct ber_element *whole)
 {

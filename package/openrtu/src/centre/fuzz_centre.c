@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "centre/request.h"
-#include "fuzz.h"
+#include "fuzz/target.h"
 
 static void check_command(const struct centre_request *request)
 {

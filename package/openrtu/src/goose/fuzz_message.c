@@ -5,7 +5,7 @@
  */
 #include <string.h>
 
-#include "fuzz.h"
+#include "fuzz/target.h"
 #include "goose/message.h"
 #include "goose/subscriber.h"
 #include "goose/value.h"

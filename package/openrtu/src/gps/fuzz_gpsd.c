@@ -2,7 +2,7 @@
 /* libFuzzer on what gpsd sends. What must hold: a fix has a position on the Earth, and its fields are in their ranges. */
 #include <string.h>
 
-#include "fuzz.h"
+#include "fuzz/target.h"
 #include "gps/gpsd.h"
 #include "map/time_ns.h"
 

@@ -6,7 +6,7 @@
  */
 #include <string.h>
 
-#include "fuzz_input.h"
+#include "fuzz/input.h"
 #include "gps/fence.h"
 #include "gps/receiver.h"
 #include "gps/track.h"

@@ -6,7 +6,7 @@
  */
 #include <string.h>
 
-#include "fuzz.h"
+#include "fuzz/target.h"
 #include "iec104/fake_map.h"
 #include "iec104/station.h"
 

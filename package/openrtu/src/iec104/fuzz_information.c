@@ -6,7 +6,7 @@
  */
 #include <string.h>
 
-#include "fuzz.h"
+#include "fuzz/target.h"
 #include "iec104/geoposition.h"
 #include "iec104/information.h"
 

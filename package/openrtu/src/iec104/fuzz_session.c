@@ -9,7 +9,7 @@
  */
 #include <string.h>
 
-#include "fuzz_input.h"
+#include "fuzz/input.h"
 #include "iec104/session.h"
 
 #define S       1000000000LL

@@ -10,7 +10,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "fuzz_input.h"
+#include "fuzz/input.h"
 #include "iec104/fake_map.h"
 #include "iec104/station.h"
 

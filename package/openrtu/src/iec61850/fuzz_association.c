@@ -3,7 +3,7 @@
  * libFuzzer on a connection: the input are messages of the session layer, each behind two octets of its length, first of all one
  * of the peer's or one that associates. What goes out is whole TPKTs.
  */
-#include "fuzz_input.h"
+#include "fuzz/input.h"
 #include "iec61850/association.h"
 #include "iec61850/fuzz_map.h"
 

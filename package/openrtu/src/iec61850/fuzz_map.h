@@ -5,7 +5,7 @@
 
 #include <string.h>
 
-#include "fuzz.h"
+#include "fuzz/target.h"
 #include "iec61850/block_kept.h"
 #include "map/limits.h"
 

@@ -5,7 +5,7 @@
  */
 #include <string.h>
 
-#include "fuzz.h"
+#include "fuzz/target.h"
 #include "iec61850/transport.h"
 
 #define MESSAGE_SIZE IEC61850_MESSAGE_SIZE(1000)

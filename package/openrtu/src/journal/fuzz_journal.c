@@ -9,7 +9,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "fuzz_input.h"
+#include "fuzz/input.h"
 #include "journal/record.h"
 #include "journal/restore.h"
 #include "map/retained.h"

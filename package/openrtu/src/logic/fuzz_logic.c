@@ -6,7 +6,7 @@
  */
 #include <string.h>
 
-#include "fuzz_input.h"
+#include "fuzz/input.h"
 #include "logic/logic.h"
 #include "logic/real.h"
 #include "logic/test_seal.h"

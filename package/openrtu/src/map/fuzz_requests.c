@@ -10,7 +10,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "fuzz_input.h"
+#include "fuzz/input.h"
 #include "map/layout.h"
 #include "map/supervise.h"
 #include "map/test_modules.h"

@@ -9,7 +9,7 @@
  */
 #include <string.h>
 
-#include "fuzz_input.h"
+#include "fuzz/input.h"
 #include "modbus/line.h"
 
 #define MS           1000000LL

@@ -7,7 +7,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-#include "fuzz.h"
+#include "fuzz/target.h"
 #include "iec104/config.h"
 #include "modbus/config.h"
 #include "rtud/config.h"

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 
 #include "config/scanners.h"
-#include "fuzz.h"
+#include "fuzz/target.h"
 #include "map/time_ns.h"
 #include "synch/analysis.h"
 #include "synch/config.h"

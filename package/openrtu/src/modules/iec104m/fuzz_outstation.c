@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "fuzz_input.h"
+#include "fuzz/input.h"
 #include "map/time_ns.h"
 #include "modules/iec104m/outstation.h"
 

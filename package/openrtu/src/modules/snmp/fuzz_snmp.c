@@ -10,7 +10,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include "fuzz_input.h"
+#include "fuzz/input.h"
 #include "map/supervise.h"
 #include "map/test_modules.h"
 #include "modules/snmp/answer.h"

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* What the libFuzzer harnesses share. */
-#ifndef OPENRTU_FUZZ_H
-#define OPENRTU_FUZZ_H
+#ifndef OPENRTU_FUZZ_TARGET_H
+#define OPENRTU_FUZZ_TARGET_H
 
 #include <stddef.h>
 #include <stdint.h>

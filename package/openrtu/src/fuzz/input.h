@@ -3,7 +3,7 @@
 #ifndef OPENRTU_FUZZ_INPUT_H
 #define OPENRTU_FUZZ_INPUT_H
 
-#include "fuzz.h"
+#include "fuzz/target.h"
 
 static struct input {
 	const uint8_t *at, *end;
