@@ -3,8 +3,10 @@
  * libFuzzer on the services: the input is a PDU. Whatever it is, the answer is one whole element of BER that the agreed size holds,
  * or nothing. What it commands is answered by the map in one way or another, and so is what it then waits for.
  */
+#include "iec61850/block.h"
 #include "iec61850/control.h"
 #include "iec61850/fuzz_map.h"
+#include "iec61850/report.h"
 
 static uint8_t octets[FUZZ_MAX_PDU];
 
