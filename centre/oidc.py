@@ -41,6 +41,8 @@ AT_ONCE = 8  # that the provider is asked for; nobody else waits for them
 USED_MOST = 10_000
 TEXT_MOST = 255
 BODY_MOST = 64 * 1024
+HINT_MOST, HINTS_MOST = 4096, 2000  # characters that an address of the web may have; and how many are kept
+LEAVE_S = 3.0  # who has logged out waits so long to learn where to go
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,7 @@ class Logins:
         self._key = secrets.token_bytes(32)
         self._used: dict[str, float] = {}  # logins that are done, until when they would be good
         self._asking = 0
+        self._hints: dict[str, str] = {}  # by session, the ID token
 
     def add_routes(self, router: web.UrlDispatcher) -> None:
         router.add_get("/api/oidc/begin", self.begin)
@@ -170,6 +173,8 @@ class Logins:
                 raise RefusedError(403, "token", "the answer is another provider's")
             answer = await self.provider.redeem(self.redirect, code, flow.value("verifier"))
             claims = await self.provider.identity(answer, flow.value("nonce"), flow.begun_s, bool(flow.again))
+            if self.settings.userinfo:
+                claims = await self.provider.userinfo(answer, claims)
         except RefusedError as error:
             if error.code == "provider":
                 self.server.login.tries.undo([limit])
@@ -178,7 +183,28 @@ class Logins:
             self._asking -= 1
         self.server.login.tries.undo([limit])
         self._use(flow)
-        return await self._let_in(claims, flow, address)
+        secret = await self._let_in(claims, flow, address)
+        if self.settings.logout and secret:
+            self._keep_hint(users.id_of(users.hash_secret(secret)), answer["id_token"])
+        return secret
+
+    def _keep_hint(self, session: str, token: str) -> None:
+        """By which the provider knows who logs out. The oldest gives way: then it asks."""
+        if len(token) <= HINT_MOST:
+            self._hints[session] = token
+        while len(self._hints) > HINTS_MOST:
+            del self._hints[next(iter(self._hints))]
+
+    async def leaving(self, session: users.Session) -> str:
+        """Where a session that has ended here ends at the provider, too; "" if nobody can say so now."""
+        hint = self._hints.pop(session.id, "")
+        if not self.settings.logout or not session.provided:
+            return ""
+        try:
+            async with asyncio.timeout(LEAVE_S):
+                return await self.provider.leaving(f"{self.settings.url}/", hint)
+        except (TimeoutError, RefusedError):
+            return ""
 
     def _use(self, flow: Flow) -> None:
         """Once: between here and where it was looked at, another answer may have been under way."""

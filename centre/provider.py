@@ -16,6 +16,7 @@ from typing import Any
 from urllib.parse import quote
 
 import aiohttp
+from authlib.common.urls import add_params_to_uri
 from authlib.oauth2.auth import ClientAuth
 from authlib.oauth2.claims import JWTClaims
 from authlib.oauth2.rfc6749.parameters import prepare_grant_uri, prepare_token_request
@@ -131,18 +132,40 @@ class Provider:
         url, headers, body = self._auth.prepare("POST", description["token_endpoint"], headers, body)
         return await self._ask("POST", url, headers=headers, data=body)
 
+    async def userinfo(self, answer: Json, claims: Json) -> Json:
+        """What it says there of the same user, and the ID token does not: what is signed counts."""
+        description, token = await self._description.get(), answer.get("access_token")
+        if not isinstance(token, str):
+            raise _wrong("there is none for the userinfo end point")
+        headers = {"Authorization": f"Bearer {token}", "Accept": "application/json"}
+        more = await self._ask("GET", description["userinfo_endpoint"], headers=headers)
+        if more.get("sub") != claims["sub"]:
+            raise _wrong("the userinfo end point tells of somebody else")
+        return {**more, **claims}
+
+    async def leaving(self, back: str, hint: str) -> str:
+        """Where a browser logs out there (RP-Initiated Logout 1.0); "" if it has no such place."""
+        description = await self._description.get()
+        if not self._is_address(url := description.get("end_session_endpoint")):
+            return ""
+        told = [("client_id", self.settings.client_id), ("post_logout_redirect_uri", back)]
+        return add_params_to_uri(url, [*told, *([("id_token_hint", hint)] if hint else [])])
+
     async def _describe(self) -> Json:
         description = await self._ask("GET", get_well_known_url(self.settings.issuer, external=True))
         if description.get("issuer") != self.settings.issuer:
             raise _failed(f"it calls itself {str(description.get('issuer'))[:TEXT_MOST]}")
-        plain = self.settings.issuer.startswith("http://")
-        for key in "authorization_endpoint", "token_endpoint", "jwks_uri":
-            url = description.get(key)
-            if not isinstance(url, str) or not url.startswith(
-                ("https://", "http://") if plain else "https://"
-            ):
+        wanted = ["authorization_endpoint", "token_endpoint", "jwks_uri"]
+        if self.settings.userinfo:
+            wanted.append("userinfo_endpoint")
+        for key in wanted:
+            if not self._is_address(description.get(key)):
                 raise _failed(f"its {key} is no address by https")
         return description
+
+    def _is_address(self, url: Any) -> bool:
+        plain = self.settings.issuer.startswith("http://")
+        return isinstance(url, str) and url.startswith(("https://", "http://") if plain else "https://")
 
     async def _fetch_keys(self) -> KeySet:
         """Its public keys that sign. One of a kind that nobody here knows is left out."""

@@ -235,6 +235,8 @@ OIDC = {
         "name": {"type": "string", "minLength": 1},
         "claim": {"type": "string", "minLength": 1},
         "session_h": {"type": "number", "exclusiveMinimum": 0},
+        "userinfo": {"type": "boolean"},
+        "logout": {"type": "boolean"},
         "roles": {
             "type": "array",
             "minItems": 1,
@@ -506,6 +508,8 @@ class Oidc:
     scope: str = "openid profile"
     name: str = "preferred_username"
     session_h: float = 12.0
+    userinfo: bool = False  # claims that the ID token has not are asked for there
+    logout: bool = False  # who logs out here is sent to log out there
 
     def secret(self) -> str:
         return _secret(self.secret_file, "oidc")

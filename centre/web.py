@@ -116,8 +116,9 @@ class Server:
         router.add_post("/api/logout", self.log_out)
         router.add_get("/api/stream", self.stream)
         router.add_get("/api/oidc", self.provider)
-        if centre.settings.oidc:
-            provided(self, centre.settings.oidc).add_routes(router)
+        self.logins = provided(self, centre.settings.oidc) if centre.settings.oidc else None
+        if self.logins:
+            self.logins.add_routes(router)
         for route in routes:
             router.add_route(route.method, route.path, self.answering(route))
         router.add_get("/map/own.pmtiles", self.tiles)
@@ -274,9 +275,10 @@ class Server:
         return web.json_response({"label": oidc.label if oidc else ""})
 
     async def log_out(self, request: web.Request) -> web.Response:
-        await self.session(request)
+        """Here in any case; then the page is told where the provider ends it, too."""
+        session = await self.session(request)
         await self.login.end(request.cookies.get(COOKIE, ""))
-        response = web.json_response({})
+        response = web.json_response({"provider": await self.logins.leaving(session) if self.logins else ""})
         response.del_cookie(COOKIE, path="/")
         return response
 

@@ -39,6 +39,7 @@ class Hostile:
         self.description: Json = {}  # more of it, or other
         self.token: Callable[[Json], str] = self.sign  # of the claims that it gives
         self.claims: Json = {}  # the same
+        self.userinfo: Json = {}
         self.nonce = ""  # of the login that is under way
         self.asked: list[tuple[str, Json, str]] = []  # path, form, authorization
         self.late = threading.Event()  # until it is set, it answers nothing that is in `hangs`
@@ -99,6 +100,8 @@ class Hostile:
             }
         if path == "/realm/keys":
             return {"keys": self.shown}
+        if path == "/realm/userinfo":
+            return self.userinfo
         return {"access_token": "access", "token_type": "Bearer", "id_token": self.token(self.all_claims())}
 
     def all_claims(self) -> Json:

@@ -57,9 +57,23 @@ def site(of_north: Callable[..., Site], hostile: Hostile, server: Server | None)
         yield made
 
 
+@pytest.fixture(scope="module")
+def asking(of_north: Callable[..., Site], hostile: Hostile) -> Iterator[Site]:
+    """It wants to know more than the ID token says, and logs out at the provider."""
+    made = of_north()
+    content = json.loads(made.file.read_text())
+    more = {"url": f"http://127.0.0.1:{made.port}", "userinfo": True, "logout": True}
+    content["centre"]["oidc"] = configured(hostile.issuer, **more)
+    del content["centre"]["oidc"]["secret_file"]
+    made.file.write_text(json.dumps(content))
+    with made:
+        yield made
+
+
 @pytest.fixture(autouse=True)
 def honest(hostile: Hostile) -> None:
     hostile.token, hostile.claims, hostile.nonce = hostile.sign, {}, ""
+    hostile.userinfo = {}
     hostile.hangs.clear()
     hostile.redirects.clear()
     hostile.answers.clear()
@@ -602,6 +616,118 @@ def test_the_provider_ends_a_session_or_all_of_a_user(site: Site, hostile: Hosti
     assert send_out(site, hostile.sign(hostile.all_claims())) == 403  # an ID token is none
     assert send_out(site, "") == 403
     assert alive() == {"d"}
+
+
+# ---- more of a user, and its way out --------------------------------------------------------------
+
+
+def publish(asking: Site, hostile: Hostile, **description: Any) -> None:
+    """The provider says this of itself from now on."""
+    hostile.description = {"userinfo_endpoint": f"{hostile.issuer}/userinfo", **description}
+    asking.kill(asking.centre)
+    asking.start_centre()
+
+
+def test_userinfo_says_what_the_token_does_not(asking: Site, hostile: Hostile) -> None:
+    """What is signed counts; the rest is of the same user, asked for with the token of this login."""
+    publish(asking, hostile)
+    hostile.claims = {"groups": None, "preferred_username": None}
+    hostile.userinfo = {"sub": "1001", "groups": ["ops"], "preferred_username": "nora"}
+    browser = Browser(asking)
+    assert browser.login(hostile) == ""
+    me = browser.client().get("/api/me")
+    assert (me["user"], me["role"]) == ("oidc:nora", "operator")
+    assert ("/realm/userinfo", {}, "Bearer access") in hostile.asked
+    hostile.claims = {"groups": ["guests"]}
+    hostile.userinfo = {"sub": "1001", "groups": ["chiefs"]}
+    browser = Browser(asking)
+    assert browser.login(hostile) == ""
+    assert browser.client().get("/api/me")["role"] == "viewer"
+
+
+def test_userinfo_of_somebody_else_or_none_is_no_login(asking: Site, hostile: Hostile) -> None:
+    publish(asking, hostile)
+    hostile.claims = {"groups": None}
+    for subject in ("1002", None, "", ["1001"], 1001):
+        hostile.userinfo = {"sub": subject, "groups": ["chiefs"]}
+        assert Browser(asking, "127.0.10.1").login(hostile) == "token", subject
+    hostile.userinfo = {"groups": ["chiefs"]}
+    assert Browser(asking, "127.0.10.1").login(hostile) == "token"
+    signed = hostile.sign({"sub": "1001", "groups": ["chiefs"]}).encode()  # as a JWT, which nobody asked for
+    for answer in (b"[]", b" ", b'"1001"', signed, b" " * (1 << 20)):
+        hostile.answers["/realm/userinfo"] = answer
+        assert Browser(asking, "127.0.10.2").login(hostile) == "provider", answer[:20]
+    hostile.answers.clear()
+    hostile.redirects["/realm/userinfo"] = f"{hostile.issuer}/elsewhere"
+    assert Browser(asking, "127.0.10.3").login(hostile) == "provider"
+    assert "/realm/elsewhere" not in {path for path, *_ in hostile.asked}
+    hostile.redirects.clear()
+    hostile.answers["/realm/token"] = json.dumps({"id_token": hostile.sign(hostile.all_claims())}).encode()
+    assert Browser(asking, "127.0.10.4").login(hostile) == "token"
+
+
+@pytest.mark.parametrize("where", [None, "file:///etc/passwd", 7])
+def test_a_provider_without_userinfo_is_none_for_who_asks_for_it(
+    asking: Site, hostile: Hostile, where: Any
+) -> None:
+    publish(asking, hostile, userinfo_endpoint=where)
+    assert Browser(asking).get("/api/oidc/begin").headers["Location"].endswith("#login/provider")
+
+
+def left(asking: Site, browser: Browser) -> str:
+    """Where the page goes after *Log out*. In any case the session has ended."""
+    client = browser.client()
+    where = str(json.loads(client.raw("POST", "/api/logout", {})[1])["provider"])
+    assert said(client, "GET", "/api/me") == "session"
+    assert not asking.rows("SELECT 1 FROM sessions WHERE \"user\" = 'oidc:anna'")
+    return where
+
+
+def test_who_logs_out_is_sent_to_the_provider(asking: Site, hostile: Hostile) -> None:
+    publish(asking, hostile, end_session_endpoint=f"{hostile.issuer}/end?tenant=1")
+    hostile.userinfo = {"sub": "1001"}
+    tokens = []
+    hostile.token = lambda claims: tokens.append(hostile.sign(claims)) or tokens[-1]
+    browser = Browser(asking)
+    assert browser.login(hostile) == ""
+    where = urlsplit(left(asking, browser))
+    assert where.path == "/realm/end"
+    assert parse_qs(where.query) == {
+        "tenant": ["1"], "client_id": [CLIENT], "id_token_hint": [tokens[-1]],
+        "post_logout_redirect_uri": [f"http://127.0.0.1:{asking.port}/"],
+    }  # fmt: skip
+    # A token that is too long for an address, and one of before the centre's start: the provider asks.
+    hostile.claims = {"more": "x" * 4096}
+    assert browser.login(hostile) == ""
+    assert "id_token_hint" not in left(asking, browser)
+    hostile.claims = {}
+    assert browser.login(hostile) == ""
+    publish(asking, hostile, end_session_endpoint=f"{hostile.issuer}/end")
+    assert "id_token_hint" not in left(asking, browser)
+    # Who has a password here has nothing to do with it.
+    assert json.loads(asking.client("emil").raw("POST", "/api/logout", {})[1]) == {"provider": ""}
+
+
+@pytest.mark.parametrize("where", [None, "javascript:alert(1)", "//elsewhere.example/end", ["x"]])
+def test_a_provider_without_an_end_ends_nothing_there(asking: Site, hostile: Hostile, where: Any) -> None:
+    publish(asking, hostile, end_session_endpoint=where)
+    hostile.userinfo = {"sub": "1001"}
+    browser = Browser(asking)
+    assert browser.login(hostile) == ""
+    assert left(asking, browser) == ""
+
+
+@pytest.mark.slow
+def test_a_provider_that_hangs_keeps_nobody_in(asking: Site, hostile: Hostile) -> None:
+    publish(asking, hostile, end_session_endpoint=f"{hostile.issuer}/end")
+    hostile.userinfo = {"sub": "1001"}
+    browser = Browser(asking)
+    assert browser.login(hostile) == ""
+    publish(asking, hostile)
+    hostile.late.clear()
+    hostile.hangs.add("/realm/.well-known/openid-configuration")
+    assert left(asking, browser) == ""
+    hostile.late.set()
 
 
 # ---- cookies -------------------------------------------------------------------------------------

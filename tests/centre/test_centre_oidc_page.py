@@ -72,7 +72,9 @@ def site(of_north: Callable[..., Site], provider: Provider) -> Iterator[Site]:
     provider.centre = f"http://127.0.0.1:{made.port}"
     content = json.loads(made.file.read_text())
     scope = "openid profile groups"
-    content["centre"]["oidc"] = configured(provider.issuer, url=provider.centre, scope=scope)
+    content["centre"]["oidc"] = configured(
+        provider.issuer, url=provider.centre, scope=scope, userinfo=True, logout=True
+    )
     made.file.write_text(json.dumps(content))
     (made.folder / "oidc.secret").write_text(SECRET)
     (made.folder / "oidc.secret").chmod(0o600)
@@ -121,13 +123,30 @@ def test_a_user_comes_in_through_the_providers_page(page: Page, site: Site) -> N
     expect(dialog.get_by_text("Your provider keeps your password")).to_be_visible()
     expect(dialog.locator("input")).to_have_count(0)
     page.get_by_role("button", name="Close").click()
-    page.get_by_role("button", name="Log out").click()
-    expect(page.locator("#name")).to_be_visible()
-    page.reload()
-    expect(page.locator("#name")).to_be_visible()
     assert ("oidc:anna", "login", f"by {site_issuer(site)}") in {
         tuple(row) for row in site.rows('SELECT "user", action, detail FROM audit')
     }
+
+
+def test_who_logs_out_is_logged_out_at_the_provider(page: Page, site: Site, provider: Provider) -> None:
+    """And leads back to the page of the centre. Whoever comes next must say who it is."""
+    come_in(page, site, "anna")
+    page.wait_for_selector("nav")
+    sessions = "SELECT count(*) FROM sessions WHERE \"user\" = 'oidc:anna'"
+    before = site.rows(sessions)[0][0]
+    page.get_by_role("button", name="Log out").click()
+    sign_out = page.get_by_role("button", name="Yes, sign me out")
+    expect(sign_out).to_be_visible()
+    assert page.url.startswith(f"{provider.issuer}/session/end?client_id=")
+    assert site.rows(sessions)[0][0] == before - 1
+    sign_out.click()
+    expect(page.locator("#name")).to_be_visible()
+    assert page.url.startswith(provider.centre)
+    page.get_by_role("button", name="Log in by the plant").click()
+    expect(page.locator("[name=login]")).to_be_visible()
+    page.go_back()
+    page.reload()
+    expect(page.locator("#name")).to_be_visible()
 
 
 def site_issuer(site: Site) -> str:

@@ -104,10 +104,11 @@ function showSaid(text) {
 
 async function logOut() {
   live.stop();
-  await live.ask("logout", {}).catch(() => {});
+  const { provider } = await live.ask("logout", {}).catch(() => ({}));
   leave();
   live.session.user = "";
-  showLogin();
+  if (provider) location.assign(provider); // it leads back to here
+  else showLogin();
 }
 
 function sessionEnded() {

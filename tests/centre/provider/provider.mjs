@@ -18,6 +18,7 @@ const provider = new Provider(`http://localhost:${port}`, {
     client_id: client,
     client_secret: secret,
     redirect_uris: [`${centre}/api/oidc/callback`],
+    post_logout_redirect_uris: [`${centre}/`],
     backchannel_logout_uri: `${centre}/api/oidc/logout`,
     backchannel_logout_session_required: true,
   }],
@@ -25,7 +26,7 @@ const provider = new Provider(`http://localhost:${port}`, {
   cookies: { keys: ["of a test"] },
   scopes: ["openid", "profile", "groups"],
   claims: { openid: ["sub"], profile: ["preferred_username"], groups: ["groups"] },
-  conformIdTokenClaims: false, // what it says of a user stands in the ID token
+  conformIdTokenClaims: true, // what it says of a user stands at its userinfo end point alone
   fetch: (url, { dispatcher, ...options }) => fetch(url, options), // the centre is on this machine, where it would ask nobody
   features: { backchannelLogout: { enabled: true } },
   findAccount: (_, id) => ({ accountId: id, claims: () => ({ sub: id, preferred_username: id, groups: GROUPS[id] }) }),
