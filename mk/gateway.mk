@@ -93,3 +93,6 @@ build/linesim/build.ninja: | $(PACKAGES)
 
 build/bench/build.ninja: | $(PACKAGES) build/packages-tests.done
 	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(BENCH)
+
+house: build ## Maintain: the tree in figures: what is long, there twice, or for nobody
+	$(PYTHON) scripts/house.py

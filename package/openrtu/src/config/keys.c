@@ -34,7 +34,8 @@ static const char *quote(const char *text, char *out)
 	return out;
 }
 
-void config_place_text(const struct config_place *place, char *out)
+/* Writes a place in words. out: CONFIG_PLACE_SIZE bytes; longer places are cut. */
+static void place_text(const struct config_place *place, char *out)
 {
 	char quoted[QUOTE_SIZE];
 	size_t used;
@@ -43,7 +44,7 @@ void config_place_text(const struct config_place *place, char *out)
 		strcpy(out, "the file");
 		return;
 	}
-	config_place_text(place->in, out);
+	place_text(place->in, out);
 	used = place->in->in == NULL ? 0 : strlen(out);
 	if (place->key == NULL)
 		snprintf(out + used, CONFIG_PLACE_SIZE - used, "[%zu]", place->index);
@@ -73,9 +74,9 @@ void config_place_where(const struct config_report *report, const struct config_
 	const struct config_source *source = source_of(report, place);
 	char where[CONFIG_PLACE_SIZE], used[CONFIG_PLACE_SIZE] = "";
 
-	config_place_text(place, where);
+	place_text(place, where);
 	if (instance != NULL)
-		config_place_text(instance, used);
+		place_text(instance, used);
 	snprintf(out, CONFIG_WHERE_SIZE, "%s (%.300s:%u%s%s)", where, source->path,
 		 config_line_of(source, place), instance != NULL ? ", for " : "", used);
 }
@@ -91,7 +92,7 @@ __attribute__((format(printf, 4, 0))) static void say(struct config_report *repo
 
 	if (report->shown++ >= CONFIG_SHOWN_MAX)
 		return;
-	config_place_text(place, where);
+	place_text(place, where);
 	fprintf(report->messages, "%s:%u: %s%s: ", source->path, config_line_of(source, place), prefix,
 		where);
 	vfprintf(report->messages, format, arguments);

@@ -81,10 +81,7 @@ static inline struct config_place config_element_of(const struct config_place *i
 	return (struct config_place){.in = in, .index = index};
 }
 
-/* Writes a place in words. out: CONFIG_PLACE_SIZE bytes; longer places are cut. */
-void config_place_text(const struct config_place *place, char *out);
-
-/* The same with file and line, as something else that is spoken of. out: CONFIG_WHERE_SIZE bytes. */
+/* Writes a place in words with file and line, as something else that is spoken of. out: CONFIG_WHERE_SIZE bytes. */
 void config_place_where(const struct config_report *report, const struct config_place *place, char *out);
 
 /* Reports an error at a place and counts it. */

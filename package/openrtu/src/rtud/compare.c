@@ -175,7 +175,8 @@ static bool same_plan(const struct map_module_plan *a, const struct map_module_p
 	       a->heartbeat_limit_ms == b->heartbeat_limit_ms && a->section_size == b->section_size;
 }
 
-enum kind_change compare_kept(const struct map *map, const struct map_config *now, uint32_t module)
+/* Of a module that keeps its segment: what its kind alone knows. */
+static enum kind_change compare_kept(const struct map *map, const struct map_config *now, uint32_t module)
 {
 	const struct map_module_plan *plan = map_plan_of(map, module);
 	const struct kind *kind = kinds_find(plan->kind);

@@ -17,8 +17,6 @@ const struct compare_setting *compare_settings(const struct map_settings *a, con
 					       uint32_t *next);
 /* What becomes of a module that both have: how it is planned, its sets and points, and what its kind knows besides. */
 enum kind_change compare_modules(const struct map *map, const struct map_config *now, uint32_t module);
-/* Of a module that keeps its segment: what its kind alone knows. */
-enum kind_change compare_kept(const struct map *map, const struct map_config *now, uint32_t module);
 /*
  * Modules among the kept ones, a bit each, that have to be exchanged for the sake of others: who refers to points of modules
  * that are not kept, since these have moved, and who carries out commands of such a module, whose segment he has mapped.
