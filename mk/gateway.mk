@@ -12,6 +12,9 @@ build: build/native/build.ninja build/linesim/build.ninja ## Build: the gateway 
 .compared: build/bench/build.ninja
 	$(LOGGED) bench ninja -C build/bench
 
+keys: build $(VENV) ## Maintain: the schema and the tables of keys, after a change of the rules
+	$(PYTHON) scripts/keys.py build/native/rtud/rtud
+
 unit: build ## Test: the C unit tests
 	$(LOGGED) unit $(MESON_TEST) -C build/native
 
@@ -45,7 +48,7 @@ SETUP = meson setup $(if $(wildcard $@),--reconfigure) $(@D) $(SRC)
 STRICT = $(SETUP) -Dwerror=true
 
 build/native/build.ninja: $(BUILD_OPTIONS) | $(PACKAGES)
-	$(LOGGED) $(notdir $(@D))-setup $(STRICT) -Dtests=enabled -Dtls=true -Dsnmp=true -Dweb=true
+	$(LOGGED) $(notdir $(@D))-setup $(STRICT) -Dtests=enabled -Dtls=true -Dsnmp=true -Dweb=true -Dschema=true
 
 # -O1 and the lines alone in the debug information: half of the time that the compiler takes, and the same checks.
 build/asan/build.ninja: $(BUILD_OPTIONS) | $(PACKAGES)
@@ -63,7 +66,7 @@ compile: build/compiled-$(CC)/build.ninja ## Test: compile all of it with CC=cla
 	$(LOGGED) compiled-$(CC) ninja -C build/compiled-$(CC)
 
 build/compiled-%/build.ninja: $(BUILD_OPTIONS) | $(PACKAGES)
-	$(LOGGED) $(notdir $(@D))-setup env CC=$* $(STRICT) -Dtests=enabled -Dtls=true -Dsnmp=true -Dweb=true
+	$(LOGGED) $(notdir $(@D))-setup env CC=$* $(STRICT) -Dtests=enabled -Dtls=true -Dsnmp=true -Dweb=true -Dschema=true
 
 # Without TLS, SNMP and the page, whose libraries would be more to build than all of the gateway.
 musl: build/musl/build.ninja ## Test: the gateway linked with musl, and its C unit tests

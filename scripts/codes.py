@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The numbers that C shares with Python, JavaScript, the MIB, the schema and the pages: C's are the source.
+"""The numbers that C shares with Python, JavaScript, the MIB and docs/centre.md: C's are the source.
 
 codes.py [--check] [TREE]: writes what is made from them into the tree, and names each file that changed.
 With --check it writes nothing, and ends with 1 if a file is not as it would be made.
@@ -346,22 +346,7 @@ def header(tree: Tree) -> str:
     return text
 
 
-# ---- the schema and the pages --------------------------------------------------------------------
-
-
-def _with_types(tree: Tree, text: str, quote: str) -> str:
-    """Where all types are listed, those that there are. The standard's alone stand in other lists."""
-    words = [f"{quote}{code.words}{quote}" for code in tree.types()]
-    begin = ", ".join(words[: len(tree.rows("MAP_STANDARD_TYPES")) + 1])
-    return _replaced(text, rf"(){re.escape(begin)}(?:, {quote}\w+{quote})*", ", ".join(words), count=0)
-
-
-def schema(tree: Tree) -> str:
-    return _with_types(tree, tree.read(SRC + "rtud/config.schema.json"), '"')
-
-
-def configuration(tree: Tree) -> str:
-    return _with_types(tree, tree.read("docs/configuration.md"), "`")
+# ---- the page ------------------------------------------------------------------------------------
 
 
 def consumer(tree: Tree) -> str:
@@ -384,8 +369,6 @@ MAKERS: dict[str, Callable[[Tree], str]] = {
     "centre/page/js/codes.js": page,
     SRC + "snmp/OPENRTU-MIB.txt": mib,
     SRC + "lib/openrtu.h": header,
-    SRC + "rtud/config.schema.json": schema,
-    "docs/configuration.md": configuration,
     "docs/centre.md": consumer,
 }
 

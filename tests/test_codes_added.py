@@ -20,7 +20,7 @@ pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parent.parent
 COPIED = ("centre", "docs", "package/openrtu", "scripts/openrtu_tools")
 LEFT = shutil.ignore_patterns("__pycache__")
-CHEAP = ("-Dtests=disabled", "-Doptimization=0", "-Ddebug=false", "-Dwerror=true")
+CHEAP = ("-Dtests=disabled", "-Doptimization=0", "-Ddebug=false", "-Dwerror=true", "-Dschema=true")
 PATIENCE_S = 60.0
 ANGLE = '"degrees from -180 to 180") /* a float would be a metre coarse */'
 DURATION = (
@@ -87,8 +87,9 @@ def test_a_type_and_a_bit_touch_few_files(copy: Copy, directory: Path) -> None:
     )
     assert [path for path in copy.touched if path.removeprefix(SRC) not in page] == []
     said([sys.executable, ROOT / "scripts" / "codes.py", copy.root])
-    check_made(copy.root)
     build = built(copy.root)
+    said([sys.executable, ROOT / "scripts" / "keys.py", build / "rtud/rtud", copy.root])
+    check_made(copy.root)
     check_gateway(copy.root, build, directory)
 
 
@@ -114,7 +115,10 @@ def check_made(root: Path) -> None:
     mib = (root / SRC / "snmp/OPENRTU-MIB.txt").read_text()
     assert "duration(11)" in mib and "suspect(4)" in mib
     assert "OPENRTU_SUSPECT" in (root / SRC / "lib/openrtu.h").read_text()
-    assert '"angle", "duration"]' in (root / SRC / "rtud/config.schema.json").read_text()
+    types = json.loads((root / SRC / "rtud/config.schema.json").read_text())["$defs"]["module_point"][
+        "properties"
+    ]["type"]
+    assert types["enum"][-2:] == ["angle", "duration"]
     assert "`angle`, `duration` |" in (root / "docs/configuration.md").read_text()
     assert "8 suspect" in (root / "docs/centre.md").read_text()
 

@@ -119,7 +119,7 @@ def without(config: dict[str, Any], name: str) -> None:
             lambda c: own(c, "total").pop("type"),
             "is missing: the program's type for total is none of a point",
         ),
-        (lambda c: own(c, "total").update(type="text"), '"text" is no type, expected one like single'),
+        (lambda c: own(c, "total").update(type="text"), '"text" is not known, expected one of single'),
         (lambda c: own(c, "total").update(type="float"), "float does not fit the program's type for total"),
         (lambda c: without(c, "order"), 'names the point "order", which there is not'),
         (

@@ -17,27 +17,49 @@ enum {
 	TLS_VERSIONS,
 	TLS_RESUMPTION,
 	TLS_RENEWAL,
-	TLS_PEERS, /* the last: of one who lets others in alone */
+	TLS_PEERS = CHANNEL_TLS_RULES, /* the last: of one who lets others in alone */
 	TLS_KEYS
 };
-static const struct config_rule tls_rules[TLS_PEERS] = {
-    [TLS_CERTIFICATE] = {"certificate", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_FILE_SIZE - 1},
-    [TLS_KEY] = {"key", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_FILE_SIZE - 1},
-    [TLS_CA] = {"ca", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_FILE_SIZE - 1},
-    [TLS_CRL] = {"crl", CONFIG_TEXT, .low = 1, .high = MAP_FILE_SIZE - 1},
-    [TLS_VERSIONS] = {"versions", CONFIG_ARRAY, .high = 2},
+const struct config_rule channel_tls_rules[CHANNEL_TLS_RULES] = {
+    [TLS_CERTIFICATE] = {"certificate", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_FILE_SIZE - 1,
+			 CONFIG_SAYS("Absolute path of the gateway's own certificate, PEM; followed in the "
+				     "file by the chain to its CA.",
+				     .pattern = "^/[^\\u0000-\\u001f\\u007f]*$")},
+    [TLS_KEY] = {"key", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_FILE_SIZE - 1,
+		 CONFIG_SAYS("Absolute path of its key, PEM without a passphrase. Only the module's user, or "
+			     "its group, may read it: that of rtu-iec104, rtu-iec61850 or rtu-104m.",
+			     .pattern = "^/[^\\u0000-\\u001f\\u007f]*$")},
+    [TLS_CA] =
+	{"ca", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_FILE_SIZE - 1,
+	 CONFIG_SAYS(
+	     "Absolute path of the certificates of the CAs that the peers' certificates are from, PEM.",
+	     .pattern = "^/[^\\u0000-\\u001f\\u007f]*$")},
+    [TLS_CRL] = {"crl", CONFIG_TEXT, .low = 1, .high = MAP_FILE_SIZE - 1,
+		 CONFIG_SAYS("Absolute path of the lists of revoked certificates, PEM; one of each CA. "
+			     "Without it, none is revoked.",
+			     .pattern = "^/[^\\u0000-\\u001f\\u007f]*$")},
+    [TLS_VERSIONS] =
+	{"versions", CONFIG_ARRAY, .high = 2,
+	 CONFIG_SAYS(
+	     "Versions of TLS that are allowed.",
+	     .json = CONFIG_JSON(
+		 {"minItems" : 1, "items" : {"enum" : [ "1.2", "1.3" ]}, "default" : [ "1.2", "1.3" ]}))},
     /* IEC 62351-3: a session is resumed within a day, then the certificates are looked at again. */
     [TLS_RESUMPTION] = {"resumption_s", CONFIG_INTEGER, .low = 0, .high = SECONDS_OF_A_DAY,
-			.fallback = SECONDS_OF_A_DAY},
+			.fallback = SECONDS_OF_A_DAY,
+			CONFIG_SAYS("Seconds in which a lost connection can be resumed without checking the "
+				    "certificates again; 0: never.")},
     /* IEC 62351-3: keys are renewed within a day. */
     [TLS_RENEWAL] = {"renewal_s", CONFIG_INTEGER, .low = 10, .high = SECONDS_OF_A_DAY,
-		     .fallback = SECONDS_OF_A_DAY},
+		     .fallback = SECONDS_OF_A_DAY,
+		     CONFIG_SAYS("Seconds after which a connection gets new keys: in TLS 1.3 it goes on, in "
+				 "TLS 1.2 it is closed and the peer opens it again.")},
 };
 
 static void read_path(struct config_report *report, const struct config_place *tls, unsigned key,
 		      const struct config_value *value, char out[MAP_FILE_SIZE])
 {
-	const struct config_place here = config_key_of(tls, tls_rules[key].name);
+	const struct config_place here = config_key_of(tls, channel_tls_rules[key].name);
 
 	if (!value->given)
 		return;
@@ -45,7 +67,7 @@ static void read_path(struct config_report *report, const struct config_place *t
 		snprintf(out, MAP_FILE_SIZE, "%s", value->text);
 	else
 		config_error(report, &here, "is not an absolute path, expected one like /data/tls/%s.pem",
-			     tls_rules[key].name);
+			     channel_tls_rules[key].name);
 }
 
 static uint8_t read_version(struct config_report *report, const struct config_place *place,
@@ -64,7 +86,7 @@ static uint8_t read_version(struct config_report *report, const struct config_pl
 static uint8_t read_versions(struct config_report *report, const struct config_place *tls,
 			     const struct config_value *value)
 {
-	const struct config_place array = config_key_of(tls, tls_rules[TLS_VERSIONS].name);
+	const struct config_place array = config_key_of(tls, channel_tls_rules[TLS_VERSIONS].name);
 	uint8_t versions = 0;
 	const json_t *json;
 	size_t i;
@@ -126,13 +148,14 @@ static void read_peers(struct config_report *report, const struct config_place *
 }
 
 void channel_read_tls(struct config_report *report, const struct config_place *place, const json_t *json,
-		      const char *peers, struct channel_tls *tls)
+		      const struct config_rule *peers, struct channel_tls *tls)
 {
-	struct config_rule rules[TLS_KEYS] = {
-	    [TLS_PEERS] = {peers, CONFIG_ARRAY, .high = CHANNEL_TLS_PEERS_MAX}};
+	struct config_rule rules[TLS_KEYS];
 	struct config_value values[TLS_KEYS] = {{.given = false}};
 
-	memcpy(rules, tls_rules, sizeof(tls_rules));
+	memcpy(rules, channel_tls_rules, sizeof(channel_tls_rules));
+	if (peers != NULL)
+		rules[TLS_PEERS] = *peers;
 	config_read_keys(report, place, json, rules, peers != NULL ? TLS_KEYS : TLS_PEERS, values);
 	read_path(report, place, TLS_CERTIFICATE, &values[TLS_CERTIFICATE], tls->certificate);
 	read_path(report, place, TLS_KEY, &values[TLS_KEY], tls->key);
@@ -140,7 +163,7 @@ void channel_read_tls(struct config_report *report, const struct config_place *p
 	read_path(report, place, TLS_CRL, &values[TLS_CRL], tls->crl);
 	tls->versions = read_versions(report, place, &values[TLS_VERSIONS]);
 	if (values[TLS_PEERS].given) {
-		const struct config_place array = config_key_of(place, peers);
+		const struct config_place array = config_key_of(place, peers->name);
 
 		read_peers(report, &array, values[TLS_PEERS].json, tls);
 	}

@@ -60,7 +60,49 @@ struct config_rule {
 	double low, high;
 	const char *const *choices; /* ends with NULL */
 	double fallback;            /* the value of a key that is not given */
+#if OPENRTU_SCHEMA
+	const char *says;           /* what the key means, in a sentence or more */
+	const char *see;            /* the page that says more, and #heading */
+	const char *unit;           /* where the name does not end with it */
+	bool unset;                 /* not given, it has no value: the fallback is none */
+	double otherwise;           /* what holds without the key, if it is not the fallback; 0: it is */
+	const char *otherwise_text; /* the same of a text */
+	const struct config_table *table;        /* of the object, or of each element of the array */
+	const struct config_table *const *forms; /* other tables, which json names; ends with NULL */
+	const char *pattern;                     /* of a text */
+	const char *json;                        /* an object: what of its schema no other field says */
+#endif
 };
+
+/*
+ * What rtud --schema says of a rule, and what a reader of files has no use for: only a build with the option schema has it. The
+ * sentence comes first, then other fields of the rule.
+ */
+#if OPENRTU_SCHEMA
+/* A table of rules, as the schema calls it. */
+struct config_table {
+	const char *name;
+	const struct config_rule *rules;
+	size_t count;
+	const struct config_rule *own;   /* in the place of the rule of its name, or behind all; NULL: none */
+	const struct config_table *like; /* has the same rules, but for own; NULL: none */
+	const struct config_table *const *forms; /* as of a rule */
+	const char *json;                        /* an object: what holds between its keys */
+};
+#define CONFIG_SAYS(...)                .says = __VA_ARGS__
+#define CONFIG_TABLE(table, ...)        static const struct config_table table = {__VA_ARGS__}
+#define CONFIG_SHARED_TABLE(table, ...) const struct config_table table = {__VA_ARGS__}
+#define CONFIG_JSON(...)                #__VA_ARGS__
+#define CONFIG_FORMS(...)                                                                                    \
+	(const struct config_table *const[])                                                                 \
+	{                                                                                                    \
+		__VA_ARGS__, NULL                                                                            \
+	}
+#else
+#define CONFIG_SAYS(...)
+#define CONFIG_TABLE(table, ...)        struct config_table
+#define CONFIG_SHARED_TABLE(table, ...) struct config_table
+#endif
 
 struct config_value {
 	bool given;      /* and as its rule wants it */

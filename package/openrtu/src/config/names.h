@@ -13,7 +13,13 @@
 #define CONFIG_LN_SIZE 30
 #define CONFIG_LN_RULE                                                                                       \
 	{                                                                                                    \
-		CONFIG_KEY_LN, CONFIG_TEXT, .low = 1, .high = CONFIG_LN_SIZE - 1                             \
+		CONFIG_KEY_LN, CONFIG_TEXT,                                                                  \
+		    .low = 1, .high = CONFIG_LN_SIZE - 1,                                                    \
+		    CONFIG_SAYS(                                                                             \
+			"Data object of IEC 61850 that it is, instead of one of GGIO1, as `MMXU1.TotW`: "    \
+			"prefix or none, class and number of the logical node, and the data object.",        \
+			.see = "iec61850.md#logical-nodes",                                                  \
+			.pattern = "^[A-Za-z][0-9A-Za-z_]*[1-9][0-9]*\\.[A-Z][0-9A-Za-z]*$")                 \
 	}
 
 /* Gives the point a name of its own; there is room for one each. */

@@ -44,4 +44,6 @@ enum {
 extern const struct config_rule foreign_module_rules[MODULE_KEYS];
 extern const struct config_rule foreign_point_rules[POINT_KEYS];
 
+extern const struct config_table foreign_module_table;
+
 #endif

@@ -21,7 +21,11 @@
 #define HEARTBEAT_LIMIT_MOST_MS  5000
 #define OWN_PREFIX               "rtu" /* of the names of our modules */
 
-static const struct config_rule file_rule = {.name = "modules", .kind = CONFIG_ARRAY, .high = MODULES_MAX};
+static const struct config_rule file_rule = {
+    .name = "modules",
+    .kind = CONFIG_ARRAY,
+    .high = MODULES_MAX,
+    CONFIG_SAYS("Programs that others wrote, with points of their own.", .table = &foreign_module_table)};
 
 struct own {
 	const json_t *modules;

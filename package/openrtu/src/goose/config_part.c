@@ -19,63 +19,135 @@
 #define GROUP_BIT     0x01   /* of a MAC address's first octet */
 #define NO_SET        UINT16_MAX
 
-static const struct config_rule file_rule = {.name = "goose", .kind = CONFIG_OBJECT};
-
-enum { KEY_INTERFACE, KEY_PRIORITY, KEY_PUBLISH, KEY_SUBSCRIBE, KEYS };
-static const struct config_rule rules[KEYS] = {
-    [KEY_INTERFACE] = {"interface", CONFIG_TEXT, .required = true, .low = 1,
-		       .high = GOOSE_INTERFACE_SIZE - 1},
-    [KEY_PRIORITY] = {"priority", CONFIG_INTEGER, .low = 0, .high = PRIORITY_MOST, .fallback = PRIORITY},
-    [KEY_PUBLISH] = {"publish", CONFIG_ARRAY, .high = GOOSE_PUBLISHED_MAX},
-    [KEY_SUBSCRIBE] = {"subscribe", CONFIG_ARRAY, .high = GOOSE_SUBSCRIBED_MAX},
-};
-
 /* Of what is published and of what is subscribed to. */
 enum { NAME, CONTROL, DATA_SET, DESTINATION, APP_ID, CONF_REV, SIMULATION, STREAM_KEYS };
-#define STREAM_RULES(is_needed)                                                                              \
-	[NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .required = true, .low = 1, .high = GOOSE_NAME_SIZE - 1},    \
-	[CONTROL] = {"control_block", CONFIG_TEXT, .required = true, .low = 1,                               \
-		     .high = GOOSE_REFERENCE_SIZE - 1},                                                      \
-	[DATA_SET] = {"data_set", CONFIG_TEXT, .required = is_needed, .low = 1,                              \
-		      .high = GOOSE_REFERENCE_SIZE - 1},                                                     \
-	[DESTINATION] = {"destination", CONFIG_TEXT, .low = 17, .high = 17},                                 \
-	[APP_ID] = {"app_id", CONFIG_INTEGER, .required = true, .low = 0, .high = APP_ID_MOST},              \
-	[CONF_REV] = {"conf_rev", CONFIG_INTEGER, .low = 1, .high = UINT32_MAX, .fallback = 1},              \
-	[SIMULATION] = {                                                                                     \
-	    "simulation",                                                                                    \
-	    CONFIG_BOOLEAN,                                                                                  \
-	}
+#define STREAM_RULES(is_needed, name_says, set_says, simulation_says)                                        \
+	[NAME] =                                                                                             \
+	    {CONFIG_KEY_NAME,       CONFIG_TEXT, .required = true, .low = 1, .high = GOOSE_NAME_SIZE - 1,    \
+	     CONFIG_SAYS(name_says)},                                                                        \
+	[CONTROL] = {"control_block",                                                                        \
+		     CONFIG_TEXT,                                                                            \
+		     .required = true,                                                                       \
+		     .low = 1,                                                                               \
+		     .high = GOOSE_REFERENCE_SIZE - 1,                                                       \
+		     CONFIG_SAYS("Reference of the control block, as `IED1LD0/LLN0$GO$trip`.")},             \
+	[DATA_SET] = {"data_set",                                                                            \
+		      CONFIG_TEXT,                                                                           \
+		      .required = is_needed,                                                                 \
+		      .low = 1,                                                                              \
+		      .high = GOOSE_REFERENCE_SIZE - 1,                                                      \
+		      CONFIG_SAYS(set_says)},                                                                \
+	[DESTINATION] = {"destination", CONFIG_TEXT, .low = 17, .high = 17,                                  \
+			 CONFIG_SAYS("Address of the group that the messages are for.",                      \
+				     .otherwise_text = "01:0c:cd:01:00:00",                                  \
+				     .pattern = "^[0-9A-Fa-f][13579bdfBDF](:[0-9A-Fa-f]{2}){5}$",            \
+				     .json = CONFIG_JSON({"examples" : ["01:0c:cd:01:00:05"]}))},            \
+	[APP_ID] = {"app_id", CONFIG_INTEGER,      .required = true,                                         \
+		    .low = 0, .high = APP_ID_MOST, CONFIG_SAYS("APPID of the messages.")},                   \
+	[CONF_REV] = {"conf_rev",         CONFIG_INTEGER, .low = 1,                                          \
+		      .high = UINT32_MAX, .fallback = 1,  CONFIG_SAYS("Revision of the control block.")},    \
+	[SIMULATION] = {"simulation", CONFIG_BOOLEAN, CONFIG_SAYS(simulation_says)}
 
 enum { ID = STREAM_KEYS, VLAN, VLAN_PRIORITY, LEAST, MOST, WITH_QUALITY, WITH_TIME, POINTS, PUBLISHED_KEYS };
 static const struct config_rule published_rules[PUBLISHED_KEYS] = {
-    STREAM_RULES(true),
-    [ID] = {"id", CONFIG_TEXT, .low = 1, .high = GOOSE_REFERENCE_SIZE - 1},
-    [VLAN] = {"vlan", CONFIG_INTEGER, .low = 0, .high = 4094},
-    [VLAN_PRIORITY] = {"vlan_priority", CONFIG_INTEGER, .low = 0, .high = 7, .fallback = 4},
-    [LEAST] = {"min_ms", CONFIG_INTEGER, .low = 1, .high = 1000, .fallback = 4},
-    [MOST] = {"max_ms", CONFIG_INTEGER, .low = 10, .high = 60000, .fallback = 1000},
-    [WITH_QUALITY] = {"quality", CONFIG_BOOLEAN, .fallback = true},
-    [WITH_TIME] = {"time", CONFIG_BOOLEAN},
-    [POINTS] = {"points", CONFIG_ARRAY, .required = true, .high = GOOSE_ITEMS_MAX},
+    STREAM_RULES(true, "Name, that of its counters begins with it.",
+		 "Reference of the data set, as `IED1LD0/LLN0$trip`.",
+		 "The messages say that they are simulated."),
+    [ID] = {"id", CONFIG_TEXT, .low = 1, .high = GOOSE_REFERENCE_SIZE - 1,
+	    CONFIG_SAYS("GoID of the messages; without it, the name.")},
+    [VLAN] = {"vlan", CONFIG_INTEGER, .low = 0, .high = 4094,
+	      CONFIG_SAYS("VLAN of the messages, 0 for the priority alone; without it, they have no tag.",
+			  .unset = true)},
+    [VLAN_PRIORITY] = {"vlan_priority", CONFIG_INTEGER, .low = 0, .high = 7, .fallback = 4,
+		       CONFIG_SAYS("Priority in the tag.")},
+    [LEAST] = {"min_ms", CONFIG_INTEGER, .low = 1, .high = 1000, .fallback = 4,
+	       CONFIG_SAYS("Milliseconds from a change to its first repetition; each time twice as many.")},
+    [MOST] = {"max_ms", CONFIG_INTEGER, .low = 10, .high = 60000, .fallback = 1000,
+	      CONFIG_SAYS(
+		  "Milliseconds between repetitions at most; what is sent is to live three times as long.")},
+    [WITH_QUALITY] = {"quality", CONFIG_BOOLEAN, .fallback = true,
+		      CONFIG_SAYS("Each value is followed by its quality.")},
+    [WITH_TIME] = {"time", CONFIG_BOOLEAN,
+		   CONFIG_SAYS("Each value, with its quality, is followed by the time of the state.")},
+    [POINTS] = {"points", CONFIG_ARRAY, .required = true, .high = GOOSE_ITEMS_MAX,
+		CONFIG_SAYS(
+		    "Names of the points, in the order of the data set.",
+		    .json = CONFIG_JSON(
+			{"minItems" : 1, "items" : {"type" : "string", "minLength" : 1, "maxLength" : 39}}))},
 };
-
-enum { CA = STREAM_KEYS, ALIVE_MOST, DATA, SUBSCRIBED_KEYS };
-static const struct config_rule subscribed_rules[SUBSCRIBED_KEYS] = {
-    STREAM_RULES(false),
-    [CA] = {"ca", CONFIG_INTEGER, .required = true, .low = 1, .high = 65534},
-    [ALIVE_MOST] = {"alive_max_ms", CONFIG_INTEGER, .low = 10, .high = 600000, .fallback = 60000},
-    [DATA] = {"data", CONFIG_ARRAY, .required = true, .high = GOOSE_ITEMS_MAX},
-};
+CONFIG_TABLE(goose_publication_table, .name = "goose_publication", .rules = published_rules,
+	     .count = PUBLISHED_KEYS);
 
 enum { POINT_NAME, POINT_TYPE, POINT_IOA, POINT_DEADBAND, POINT_GROUP, POINT_LN, POINT_KEYS };
 static const struct config_rule point_rules[POINT_KEYS] = {
-    [POINT_NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .required = true, .low = 1, .high = MAP_NAME_SIZE - 1},
-    [POINT_TYPE] = {"type", CONFIG_CHOICE, .required = true, .choices = map_type_names},
-    [POINT_IOA] = {"ioa", CONFIG_INTEGER, .required = true, .low = 1, .high = 16777215},
-    [POINT_DEADBAND] = {"deadband", CONFIG_NUMBER, .low = 0, .high = FLT_MAX},
-    [POINT_GROUP] = {"group", CONFIG_INTEGER, .low = 1, .high = 16},
+    [POINT_NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .required = true, .low = 1, .high = MAP_NAME_SIZE - 1,
+		    CONFIG_SAYS(
+			"Name of the point, once in the file, without spaces and the characters `*?[]\\`.",
+			.pattern = "^[^ *?\\[\\]\\\\\\u0000-\\u001f\\u007f]*$")},
+    [POINT_TYPE] = {"type", CONFIG_CHOICE, .required = true, .choices = map_type_names,
+		    CONFIG_SAYS("Type of the point.")},
+    [POINT_IOA] = {"ioa", CONFIG_INTEGER, .required = true, .low = 1, .high = 16777215,
+		   CONFIG_SAYS("Information object address.")},
+    [POINT_DEADBAND] = {"deadband", CONFIG_NUMBER, .low = 0, .high = FLT_MAX,
+			CONFIG_SAYS("Change of the value that is an event, in its unit; 0: every change.")},
+    [POINT_GROUP] = {"group", CONFIG_INTEGER, .low = 1, .high = 16,
+		     CONFIG_SAYS("Interrogation group; without it, none.")},
     [POINT_LN] = CONFIG_LN_RULE,
 };
+CONFIG_TABLE(goose_point_table, .name = "goose_point", .rules = point_rules, .count = POINT_KEYS);
+
+enum { CA = STREAM_KEYS, ALIVE_MOST, DATA, SUBSCRIBED_KEYS };
+static const struct config_rule subscribed_rules[SUBSCRIBED_KEYS] = {
+    STREAM_RULES(false, "Name of its set of points; that of its counters begins with it.",
+		 "Reference of the data set; without it, any.",
+		 "From the first simulated message on, only such are taken."),
+    [CA] = {"ca", CONFIG_INTEGER, .required = true, .low = 1, .high = 65534,
+	    CONFIG_SAYS("Common address of its points, which no device has.")},
+    [ALIVE_MOST] = {"alive_max_ms", CONFIG_INTEGER, .low = 10, .high = 600000, .fallback = 60000,
+		    CONFIG_SAYS(
+			"Milliseconds that a message holds at most, whatever its timeAllowedtoLive says.")},
+    [DATA] = {"data", CONFIG_ARRAY, .required = true, .high = GOOSE_ITEMS_MAX,
+	      CONFIG_SAYS("The data set, entry for entry: a point, or of the point before its quality or its "
+			  "time, or unused. A structure is the entries in it.",
+			  .forms = CONFIG_FORMS(&goose_point_table),
+			  .json = CONFIG_JSON({
+				  "minItems" : 1,
+				  "items" : {
+					  "anyOf" : [
+						  {"$ref" : "#/$defs/goose_point"},
+						  {"enum" : [ "quality", "time", "unused" ]}
+					  ]
+				  }
+			  }))},
+};
+CONFIG_TABLE(goose_subscription_table, .name = "goose_subscription", .rules = subscribed_rules,
+	     .count = SUBSCRIBED_KEYS);
+
+enum { KEY_INTERFACE, KEY_PRIORITY, KEY_PUBLISH, KEY_SUBSCRIBE, KEYS };
+static const struct config_rule rules[KEYS] = {
+    [KEY_INTERFACE] = {"interface", CONFIG_TEXT, .required = true, .low = 1, .high = GOOSE_INTERFACE_SIZE - 1,
+		       CONFIG_SAYS("Network interface that the messages go through.")},
+    [KEY_PRIORITY] = {"priority", CONFIG_INTEGER, .low = 0, .high = PRIORITY_MOST, .fallback = PRIORITY,
+		      CONFIG_SAYS("SCHED_FIFO priority, below that of the lines; 0: none.")},
+    [KEY_PUBLISH] = {"publish", CONFIG_ARRAY, .high = GOOSE_PUBLISHED_MAX,
+		     CONFIG_SAYS("Points that are published, an object for each control block.",
+				 .table = &goose_publication_table)},
+    [KEY_SUBSCRIBE] = {"subscribe", CONFIG_ARRAY, .high = GOOSE_SUBSCRIBED_MAX,
+		       CONFIG_SAYS("Messages of others that become points, an object for each control block.",
+				   .table = &goose_subscription_table)},
+};
+CONFIG_TABLE(goose_table, .name = "goose", .rules = rules, .count = KEYS,
+	     .json = CONFIG_JSON({
+		     "anyOf" : [
+			     {"required" : ["publish"], "properties" : {"publish" : {"minItems" : 1}}},
+			     {"required" : ["subscribe"], "properties" : {"subscribe" : {"minItems" : 1}}}
+		     ]
+	     }));
+
+static const struct config_rule file_rule = {
+    .name = "goose",
+    .kind = CONFIG_OBJECT,
+    CONFIG_SAYS("GOOSE of IEC 61850, published and subscribed to: rtu-goose.", .table = &goose_table)};
 
 struct own {
 	const json_t *object;

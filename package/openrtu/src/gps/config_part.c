@@ -23,7 +23,35 @@
 #define TURN_PER_DEGREE  100
 #define MM_PER_M         1000
 
-static const struct config_rule file_rule = {"gps", CONFIG_ARRAY, .high = GPS_RECEIVERS_MAX};
+enum { FENCE_NAME, FENCE_CENTRE, FENCE_RADIUS, FENCE_CORNERS, FENCE_KEYS };
+static const struct config_rule fence_rules[FENCE_KEYS] = {
+    [FENCE_NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .required = true, .low = 1, .high = 15,
+		    CONFIG_SAYS("Name, once in the receiver: its point is NAME.in-FENCE.",
+				.pattern = "^[^ *?\\[\\]\\\\\\u0000-\\u001f\\u007f]*$")},
+    [FENCE_CENTRE] = {"centre", CONFIG_ARRAY, .high = 2,
+		      CONFIG_SAYS("Centre of a circle: [latitude, longitude] in degrees.",
+				  .json = CONFIG_JSON({
+					  "minItems" : 2,
+					  "items" : {"type" : "number", "minimum" : -180, "maximum" : 180}
+				  }))},
+    [FENCE_RADIUS] = {"radius_m", CONFIG_INTEGER, .low = 1, .high = GPS_FENCE_RADIUS_MAX_M,
+		      CONFIG_SAYS("Radius of the circle in metres.")},
+    [FENCE_CORNERS] = {"corners", CONFIG_ARRAY, .high = GPS_FENCE_CORNERS_MAX,
+		       CONFIG_SAYS(
+			   "Corners of a polygon, in order, each [latitude, longitude] in degrees.",
+			   .json = CONFIG_JSON({
+				   "minItems" : 3,
+				   "items" : {
+					   "type" : "array",
+					   "minItems" : 2,
+					   "maxItems" : 2,
+					   "items" : {"type" : "number", "minimum" : -180, "maximum" : 180}
+				   }
+			   }))},
+};
+CONFIG_TABLE(
+    geofence_table, .name = "geofence", .rules = fence_rules, .count = FENCE_KEYS,
+    .json = CONFIG_JSON({"oneOf" : [ {"required" : [ "centre", "radius_m" ]}, {"required" : ["corners"]} ]}));
 
 enum {
 	GPS_NAME,
@@ -47,34 +75,59 @@ enum {
 	GPS_KEYS
 };
 static const struct config_rule receiver_rules[GPS_KEYS] = {
-    [GPS_NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .required = true, .low = 1, .high = GPS_NAME_SIZE - 1},
-    [GPS_DEVICE] = {"device", CONFIG_TEXT, .low = 1, .high = MAP_FILE_SIZE - 1},
-    [GPS_GPSD] = {"gpsd", CONFIG_TEXT, .low = 1, .high = MAP_ADDRESS_SIZE - 1},
-    [GPS_GPSD_PORT] = {"gpsd_port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = GPSD_PORT},
-    [GPS_BAUD_RATE] = {"baud_rate", CONFIG_INTEGER, .low = 4800, .high = 115200, .fallback = 9600},
+    [GPS_NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .required = true, .low = 1, .high = GPS_NAME_SIZE - 1,
+		  CONFIG_SAYS("Name, once in the file: that of its points begins with it.",
+			      .pattern = "^[^ *?\\[\\]\\\\\\u0000-\\u001f\\u007f]*$")},
+    [GPS_DEVICE] = {"device", CONFIG_TEXT, .low = 1, .high = MAP_FILE_SIZE - 1,
+		    CONFIG_SAYS("Serial port of a receiver with NMEA 0183: a path, or a name in /dev.")},
+    [GPS_GPSD] = {"gpsd", CONFIG_TEXT, .low = 1, .high = MAP_ADDRESS_SIZE - 1,
+		  CONFIG_SAYS("IP address of a gpsd, instead of device.",
+			      .json = CONFIG_JSON({"$ref" : "#/$defs/ip_address"}))},
+    [GPS_GPSD_PORT] = {"gpsd_port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = GPSD_PORT,
+		       CONFIG_SAYS("TCP port of gpsd.")},
+    [GPS_BAUD_RATE] = {"baud_rate", CONFIG_INTEGER, .low = 4800, .high = 115200, .fallback = 9600,
+		       CONFIG_SAYS("Bit/s of the serial port, with 8 data bits, no parity and one stop bit.",
+				   .unit = "bit/s")},
     /* The longest burst in the positioning paper: 13 lines. */
-    [GPS_BURST_OCTETS] = {"burst_octets", CONFIG_INTEGER, .low = 40, .high = 8192, .fallback = 750},
-    [GPS_PERIOD] = {"period_ms", CONFIG_INTEGER, .low = 100, .high = 60000, .fallback = 1000},
-    [GPS_CA] = {"ca", CONFIG_INTEGER, .required = true, .low = 1, .high = 65534},
-    [GPS_IOA] = {"ioa", CONFIG_INTEGER, .low = 1, .high = 16777000, .fallback = 1},
-    [GPS_POSITION_IOA] = {"position_ioa", CONFIG_INTEGER, .low = 1, .high = 16777215},
-    [GPS_CLOCK_SOCKET] = {"clock_socket", CONFIG_TEXT, .low = 1, .high = GPS_SOCKET_SIZE - 1},
-    [GPS_TOPICAL] = {"topical_s", CONFIG_INTEGER, .low = 1, .high = 3600, .fallback = 5},
-    [GPS_MAX_SPEED] = {"max_speed_km_h", CONFIG_INTEGER, .low = 1, .high = 3600, .fallback = 400},
-    [GPS_SLACK] = {"slack_m", CONFIG_INTEGER, .low = 0, .high = 10000, .fallback = 50},
-    [GPS_DISTANCE] = {"distance_m", CONFIG_INTEGER, .low = 0, .high = 100000, .fallback = 50},
-    [GPS_TURN] = {"turn_degrees", CONFIG_INTEGER, .low = 0, .high = 180, .fallback = 30},
-    [GPS_INTERVAL] = {"interval_s", CONFIG_INTEGER, .low = 0, .high = 86400, .fallback = 60},
-    [GPS_FENCE_LIST] = {"fences", CONFIG_ARRAY, .high = GPS_FENCES_MAX},
+    [GPS_BURST_OCTETS] = {"burst_octets", CONFIG_INTEGER, .low = 40, .high = 8192, .fallback = 750,
+			  CONFIG_SAYS("Octets that the receiver says of one moment, at most.")},
+    [GPS_PERIOD] = {"period_ms", CONFIG_INTEGER, .low = 100, .high = 60000, .fallback = 1000,
+		    CONFIG_SAYS("Milliseconds between two moments. A burst that takes longer is an error.")},
+    [GPS_CA] = {"ca", CONFIG_INTEGER, .required = true, .low = 1, .high = 65534,
+		CONFIG_SAYS("Common address of its points, which no device has.")},
+    [GPS_IOA] = {"ioa", CONFIG_INTEGER, .low = 1, .high = 16777000, .fallback = 1,
+		 CONFIG_SAYS("Information object address of its first point, the latitude.")},
+    [GPS_POSITION_IOA] =
+	{"position_ioa", CONFIG_INTEGER, .low = 1, .high = 16777215,
+	 CONFIG_SAYS("Information object address of the position as a whole, which IEC 60870-5-104 sends "
+		     "beside the points, as one object of a private type; without it, there is none.")},
+    [GPS_CLOCK_SOCKET] =
+	{"clock_socket", CONFIG_TEXT, .low = 1, .high = GPS_SOCKET_SIZE - 1,
+	 CONFIG_SAYS(
+	     "Socket of chronyd (refclock SOCK) that is told the receiver's time; without it, none is.")},
+    [GPS_TOPICAL] = {"topical_s", CONFIG_INTEGER, .low = 1, .high = 3600, .fallback = 5,
+		     CONFIG_SAYS("Seconds after which a position without a successor is not topical.")},
+    [GPS_MAX_SPEED] =
+	{"max_speed_km_h", CONFIG_INTEGER, .low = 1, .high = 3600, .fallback = 400,
+	 CONFIG_SAYS("The greatest speed that can be: a fix that is faster, or farther away, is invalid.")},
+    [GPS_SLACK] = {"slack_m", CONFIG_INTEGER, .low = 0, .high = 10000, .fallback = 50,
+		   CONFIG_SAYS("Metres by which the positions of a receiver that stands may differ.")},
+    [GPS_DISTANCE] = {"distance_m", CONFIG_INTEGER, .low = 0, .high = 100000, .fallback = 50,
+		      CONFIG_SAYS("A fix so far from the last event is an event; 0: not for this reason.")},
+    [GPS_TURN] = {"turn_degrees", CONFIG_INTEGER, .low = 0, .high = 180, .fallback = 30,
+		  CONFIG_SAYS("So is one with another course, from 2 m/s on; 0: not for this reason.")},
+    [GPS_INTERVAL] = {"interval_s", CONFIG_INTEGER, .low = 0, .high = 86400, .fallback = 60,
+		      CONFIG_SAYS("So is one so many seconds after it; 0: not for this reason.")},
+    [GPS_FENCE_LIST] = {"fences", CONFIG_ARRAY, .high = GPS_FENCES_MAX,
+			CONFIG_SAYS("Geofences: each is a point that says whether the receiver is inside.",
+				    .table = &geofence_table)},
 };
+CONFIG_TABLE(gps_receiver_table, .name = "gps_receiver", .rules = receiver_rules, .count = GPS_KEYS,
+	     .json = CONFIG_JSON({"oneOf" : [ {"required" : ["device"]}, {"required" : ["gpsd"]} ]}));
 
-enum { FENCE_NAME, FENCE_CENTRE, FENCE_RADIUS, FENCE_CORNERS, FENCE_KEYS };
-static const struct config_rule fence_rules[FENCE_KEYS] = {
-    [FENCE_NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .required = true, .low = 1, .high = 15},
-    [FENCE_CENTRE] = {"centre", CONFIG_ARRAY, .high = 2},
-    [FENCE_RADIUS] = {"radius_m", CONFIG_INTEGER, .low = 1, .high = GPS_FENCE_RADIUS_MAX_M},
-    [FENCE_CORNERS] = {"corners", CONFIG_ARRAY, .high = GPS_FENCE_CORNERS_MAX},
-};
+static const struct config_rule file_rule = {
+    "gps", CONFIG_ARRAY, .high = GPS_RECEIVERS_MAX,
+    CONFIG_SAYS("Receivers of positions: rtu-gps.", .table = &gps_receiver_table)};
 
 static const struct {
 	const char *name;

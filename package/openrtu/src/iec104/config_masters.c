@@ -11,10 +11,19 @@
 
 enum { GROUP_NAME, GROUP_MASTERS, GROUP_QUEUE, GROUP_KEYS };
 static const struct config_rule group_rules[GROUP_KEYS] = {
-    [GROUP_NAME] = {"name", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_NAME_SIZE - 1},
-    [GROUP_MASTERS] = {"masters", CONFIG_ARRAY, .required = true, .high = IEC104_GROUP_MASTERS_MAX},
-    [GROUP_QUEUE] = {"queue", CONFIG_INTEGER, .low = QUEUE_LEAST, .high = QUEUE_MOST},
+    [GROUP_NAME] = {"name", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_NAME_SIZE - 1,
+		    CONFIG_SAYS("Name of the group, once in the file; `rtuctl iec104 queues` shows it.")},
+    [GROUP_MASTERS] = {"masters", CONFIG_ARRAY, .required = true, .high = IEC104_GROUP_MASTERS_MAX,
+		       CONFIG_SAYS(
+			   "IP addresses of the group's controlling stations, each in one group only. With "
+			   "the file's `masters`, they must be there too.",
+			   .json = CONFIG_JSON({"minItems" : 1, "items" : {"$ref" : "#/$defs/ip_address"}}))},
+    [GROUP_QUEUE] = {"queue", CONFIG_INTEGER, .low = QUEUE_LEAST, .high = QUEUE_MOST,
+		     CONFIG_SAYS("Events that may wait for the group, less than `event_ring`. Without it, as "
+				 "many as the modules keep.")},
 };
+CONFIG_SHARED_TABLE(iec104_group_table, .name = "redundancy_group", .rules = group_rules,
+		    .count = GROUP_KEYS);
 
 /* An empty list could mean everybody as well as nobody. */
 static bool is_empty(struct config_loader *loader, const struct config_place *array, const json_t *json)

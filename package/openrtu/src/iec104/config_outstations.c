@@ -24,11 +24,66 @@
 #define IOA_BITS          24
 #define COUNT_MAX         1000
 
-enum { FILE_OUTSTATIONS, FILE_TLS, FILE_KEYS };
-static const struct config_rule file_rules[FILE_KEYS] = {
-    [FILE_OUTSTATIONS] = {"outstations", CONFIG_ARRAY, .high = IEC104_OUTSTATIONS_MAX},
-    [FILE_TLS] = {"outstations_tls", CONFIG_OBJECT},
+/* Those that the standard has, and a position. */
+static const char *const types[] = {MAP_STANDARD_TYPES(MAP_TYPE_NAME) "position", NULL};
+#define POSITION (MAP_COUNTER + 1) /* after the last of them */
+
+enum {
+	POINT_NAME,
+	POINT_TYPE,
+	POINT_IOA,
+	POINT_REMOTE_IOA,
+	POINT_COUNT,
+	POINT_GROUP,
+	POINT_READ,
+	POINT_COMMAND,
+	POINT_COMMAND_IOA,
+	POINT_SELECT,
+	POINT_SHORT_PULSE,
+	POINT_LONG_PULSE,
+	POINT_KEYS
 };
+static const struct config_rule point_rules[POINT_KEYS] = {
+    [POINT_NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1,
+		    CONFIG_SAYS("Name, once in the file; of several objects each has its number behind it. "
+				"Without it, the set's, a dot and ioa.",
+				.pattern = "^[^ *?\\[\\]\\\\\\u0000-\\u001f\\u007f]*$")},
+    [POINT_TYPE] = {"type", CONFIG_CHOICE, .required = true, .choices = types, CONFIG_SAYS("What it sends.")},
+    [POINT_IOA] = {"ioa", CONFIG_INTEGER, .required = true, .low = 1, .high = IOA_MAX,
+		   CONFIG_SAYS("Information object address here; of a position the first of four.")},
+    [POINT_REMOTE_IOA] = {"remote_ioa", CONFIG_INTEGER, .low = 1, .high = IOA_MAX,
+			  CONFIG_SAYS("Information object address there, as ioa unless it is given.")},
+    [POINT_COUNT] = {"count", CONFIG_INTEGER, .low = 1, .high = COUNT_MAX, .fallback = 1,
+		     CONFIG_SAYS("So many objects at consecutive addresses.")},
+    [POINT_GROUP] = {"group", CONFIG_INTEGER, .low = 1, .high = 16, CONFIG_SAYS("Interrogation group.")},
+    [POINT_READ] =
+	{"read_ms", CONFIG_INTEGER, .low = 100, .high = WAIT_MAX_MS,
+	 CONFIG_SAYS(
+	     "Milliseconds between reads of the object (C_RD_NA_1). Without it, it is not read by itself.")},
+    [POINT_COMMAND] = {"command", CONFIG_BOOLEAN, CONFIG_SAYS("It can be commanded.")},
+    [POINT_COMMAND_IOA] =
+	{"command_ioa", CONFIG_INTEGER, .low = 1, .high = IOA_MAX,
+	 CONFIG_SAYS("Information object address of its command there, as remote_ioa unless it is given.")},
+    [POINT_SELECT] = {"select", CONFIG_BOOLEAN,
+		      CONFIG_SAYS("A command needs a selection first, here and there.")},
+    [POINT_SHORT_PULSE] = {"short_pulse_ms", CONFIG_INTEGER, .low = 1, .high = 65535,
+			   CONFIG_SAYS("Length of the short pulse that its command makes there.")},
+    [POINT_LONG_PULSE] = {"long_pulse_ms", CONFIG_INTEGER, .low = 1, .high = 65535,
+			  CONFIG_SAYS("Length of the long pulse that its command makes there.")},
+};
+CONFIG_TABLE(outstation_point_table, .name = "outstation_point", .rules = point_rules, .count = POINT_KEYS);
+
+enum { SET_CA, SET_REMOTE_CA, SET_POINTS, SET_KEYS };
+static const struct config_rule set_rules[SET_KEYS] = {
+    [SET_CA] = {"ca", CONFIG_INTEGER, .required = true, .low = 1, .high = CA_MAX,
+		CONFIG_SAYS("Common address here, which no other set has.")},
+    [SET_REMOTE_CA] = {"remote_ca", CONFIG_INTEGER, .low = 1, .high = CA_MAX,
+		       CONFIG_SAYS("Common address there, as ca unless it is given.")},
+    [SET_POINTS] = {"points", CONFIG_ARRAY, .required = true, .high = IEC104_OUTSTATION_POINTS_MAX,
+		    CONFIG_SAYS("Its objects that are points; what else it sends is counted.",
+				.table = &outstation_point_table)},
+};
+CONFIG_TABLE(outstation_set_table, .name = "outstation_set", .rules = set_rules, .count = SET_KEYS);
 
 enum {
 	OUTSTATION_NAME,
@@ -59,77 +114,93 @@ enum {
 };
 static const struct config_rule outstation_rules[OUTSTATION_KEYS] = {
     [OUTSTATION_NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .required = true, .low = 1,
-			 .high = IEC104_OUTSTATION_NAME_SIZE - 1},
-    [OUTSTATION_ADDRESSES] = {"addresses", CONFIG_ARRAY, .required = true,
-			      .high = IEC104_OUTSTATION_LINKS_MAX},
-    [OUTSTATION_PORT] = {"port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = PORT_PLAIN},
-    [OUTSTATION_SECURE] = {"secure", CONFIG_BOOLEAN},
-    [OUTSTATION_CERTIFICATE] = {"certificate", CONFIG_TEXT, .low = 1, .high = CHANNEL_TLS_PEER_SIZE - 1},
-    [OUTSTATION_K] = {"k", CONFIG_INTEGER, .low = 1, .high = 32767, .fallback = 12},
-    [OUTSTATION_W] = {"w", CONFIG_INTEGER, .low = 1, .high = 32767, .fallback = 8},
-    [OUTSTATION_T1] = {"t1", CONFIG_INTEGER, .low = 2, .high = 255, .fallback = 15},
-    [OUTSTATION_T2] = {"t2", CONFIG_INTEGER, .low = 1, .high = 254, .fallback = 10},
-    [OUTSTATION_T3] = {"t3", CONFIG_INTEGER, .low = 1, .high = SECONDS_OF_2_DAYS, .fallback = 20},
-    [OUTSTATION_ORIGINATOR] = {"originator", CONFIG_INTEGER, .low = 0, .high = 255},
-    [OUTSTATION_TIMEZONE] = {"timezone", CONFIG_TEXT, .low = 4, .high = 63},
-    [OUTSTATION_TERMINATES] = {"terminates", CONFIG_BOOLEAN, .fallback = 1},
+			 .high = IEC104_OUTSTATION_NAME_SIZE - 1,
+			 CONFIG_SAYS("Name, once in the file: that of its sets begins with it.",
+				     .pattern = "^[^ *?\\[\\]\\\\\\u0000-\\u001f\\u007f]*$")},
+    [OUTSTATION_ADDRESSES] =
+	{"addresses", CONFIG_ARRAY, .required = true, .high = IEC104_OUTSTATION_LINKS_MAX,
+	 CONFIG_SAYS("Its IP address; with a second one, two links, of which one has data transfer.",
+		     .json = CONFIG_JSON({"minItems" : 1, "items" : {"$ref" : "#/$defs/ip_address"}}))},
+    [OUTSTATION_PORT] = {"port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = PORT_PLAIN,
+			 CONFIG_SAYS(
+			     "TCP port of its addresses; of a secure one, 19998 unless it is given.")},
+    [OUTSTATION_SECURE] = {"secure", CONFIG_BOOLEAN, CONFIG_SAYS("It is reached with TLS.")},
+    [OUTSTATION_CERTIFICATE] =
+	{"certificate", CONFIG_TEXT, .low = 1, .high = CHANNEL_TLS_PEER_SIZE - 1,
+	 CONFIG_SAYS("Common name of its certificate, or SHA-256 fingerprint as AB:CD:...; without it, "
+		     "whoever has a certificate from the CAs.",
+		     .json = CONFIG_JSON({
+			     "anyOf" : [
+				     {"maxLength" : 64, "pattern" : "^[^\\u0000-\\u001f\\u007f]*$"},
+				     {"pattern" : "^([0-9A-Fa-f]{2}:){31}[0-9A-Fa-f]{2}$"}
+			     ],
+			     "examples" : ["town 7"]
+		     }))},
+    [OUTSTATION_K] = {"k", CONFIG_INTEGER, .low = 1, .high = 32767, .fallback = 12,
+		      CONFIG_SAYS("I frames sent to it that it may leave unacknowledged.")},
+    [OUTSTATION_W] = {"w", CONFIG_INTEGER, .low = 1, .high = 32767, .fallback = 8,
+		      CONFIG_SAYS("I frames of it after which the gateway acknowledges, at most k.")},
+    [OUTSTATION_T1] = {"t1", CONFIG_INTEGER, .low = 2, .high = 255, .fallback = 15,
+		       CONFIG_SAYS("Seconds that it has to acknowledge.", .unit = "s")},
+    [OUTSTATION_T2] = {"t2", CONFIG_INTEGER, .low = 1, .high = 254, .fallback = 10,
+		       CONFIG_SAYS("Seconds after which the gateway acknowledges, less than t1.",
+				   .unit = "s")},
+    [OUTSTATION_T3] = {"t3", CONFIG_INTEGER, .low = 1, .high = SECONDS_OF_2_DAYS, .fallback = 20,
+		       CONFIG_SAYS("Seconds of silence after which a link is tested.", .unit = "s")},
+    [OUTSTATION_ORIGINATOR] = {"originator", CONFIG_INTEGER, .low = 0, .high = 255,
+			       CONFIG_SAYS("Originator address of all that it is asked.")},
+    [OUTSTATION_TIMEZONE] = {"timezone", CONFIG_TEXT, .low = 4, .high = 63,
+			     CONFIG_SAYS("Time zone of its time tags. Without it, that of the file.",
+					 .json = CONFIG_JSON({"$ref" : "#/properties/timezone"}))},
+    [OUTSTATION_TERMINATES] = {"terminates", CONFIG_BOOLEAN, .fallback = 1,
+			       CONFIG_SAYS(
+				   "It ends a command with ACT_TERM; false: its confirmation is the end.")},
     [OUTSTATION_CONFIRMATION] = {"confirmation_ms", CONFIG_INTEGER, .low = 10, .high = WAIT_MAX_MS,
-				 .fallback = 10000},
+				 .fallback = 10000,
+				 CONFIG_SAYS("Milliseconds that it has to confirm what it is asked.")},
     [OUTSTATION_TERMINATION] = {"termination_ms", CONFIG_INTEGER, .low = 10, .high = WAIT_MAX_MS,
-				.fallback = 60000},
-    [OUTSTATION_INTERROGATION_TIME] = {"interrogation_ms", CONFIG_INTEGER, .low = 10, .high = WAIT_MAX_MS,
-				       .fallback = 60000},
-    [OUTSTATION_RETRY] = {"retry_ms", CONFIG_INTEGER, .low = 10, .high = WAIT_MAX_MS, .fallback = 1000},
+				.fallback = 60000,
+				CONFIG_SAYS("Milliseconds from the confirmation of a command to its end.")},
+    [OUTSTATION_INTERROGATION_TIME] =
+	{"interrogation_ms", CONFIG_INTEGER, .low = 10, .high = WAIT_MAX_MS, .fallback = 60000,
+	 CONFIG_SAYS("Milliseconds from the confirmation of an interrogation to its end.")},
+    [OUTSTATION_RETRY] = {"retry_ms", CONFIG_INTEGER, .low = 10, .high = WAIT_MAX_MS, .fallback = 1000,
+			  CONFIG_SAYS(
+			      "Milliseconds until a link is tried again; they double with each failure.")},
     [OUTSTATION_RETRY_MAX] = {"retry_max_ms", CONFIG_INTEGER, .low = 10, .high = WAIT_MAX_MS,
-			      .fallback = 60000},
-    [OUTSTATION_INTERROGATES] = {"interrogate_at_start", CONFIG_BOOLEAN, .fallback = 1},
-    [OUTSTATION_INTERROGATION] = {"interrogation_s", CONFIG_INTEGER, .low = 0, .high = PERIOD_MAX_S},
-    [OUTSTATION_COUNTERS] = {"counters_s", CONFIG_INTEGER, .low = 0, .high = PERIOD_MAX_S},
-    [OUTSTATION_CLOCK] = {"clock_s", CONFIG_INTEGER, .low = 0, .high = PERIOD_MAX_S},
+			      .fallback = 60000,
+			      CONFIG_SAYS("Milliseconds until a link is tried again, at most.")},
+    [OUTSTATION_INTERROGATES] = {"interrogate_at_start", CONFIG_BOOLEAN, .fallback = 1,
+				 CONFIG_SAYS("A general interrogation when data transfer starts.")},
+    [OUTSTATION_INTERROGATION] =
+	{"interrogation_s", CONFIG_INTEGER, .low = 0, .high = PERIOD_MAX_S,
+	 CONFIG_SAYS(
+	     "Seconds between general interrogations, 0: only at the start, and when it was initialised.")},
+    [OUTSTATION_COUNTERS] = {"counters_s", CONFIG_INTEGER, .low = 0, .high = PERIOD_MAX_S,
+			     CONFIG_SAYS(
+				 "Seconds between counter interrogations, the first at the start, 0: none.")},
+    [OUTSTATION_CLOCK] = {"clock_s", CONFIG_INTEGER, .low = 0, .high = PERIOD_MAX_S,
+			  CONFIG_SAYS("Seconds between clock synchronisations, the first at the start, 0: "
+				      "none. The clock of the gateway must be set.")},
     [OUTSTATION_POSITION_TYPE] = {"position_type", CONFIG_INTEGER, .low = IEC104_PRIVATE_FIRST,
-				  .high = IEC104_PRIVATE_LAST, .fallback = IEC104_GEOPOSITION},
-    [OUTSTATION_SETS] = {"sets", CONFIG_ARRAY, .required = true, .high = IEC104_OUTSTATION_SETS_MAX},
+				  .high = IEC104_PRIVATE_LAST, .fallback = IEC104_GEOPOSITION,
+				  CONFIG_SAYS("Private type of its positions.")},
+    [OUTSTATION_SETS] = {"sets", CONFIG_ARRAY, .required = true, .high = IEC104_OUTSTATION_SETS_MAX,
+			 CONFIG_SAYS("Its common addresses, each with its points.",
+				     .table = &outstation_set_table, .json = CONFIG_JSON({"minItems" : 1}))},
 };
+CONFIG_TABLE(outstation_table, .name = "outstation", .rules = outstation_rules, .count = OUTSTATION_KEYS);
 
-enum { SET_CA, SET_REMOTE_CA, SET_POINTS, SET_KEYS };
-static const struct config_rule set_rules[SET_KEYS] = {
-    [SET_CA] = {"ca", CONFIG_INTEGER, .required = true, .low = 1, .high = CA_MAX},
-    [SET_REMOTE_CA] = {"remote_ca", CONFIG_INTEGER, .low = 1, .high = CA_MAX},
-    [SET_POINTS] = {"points", CONFIG_ARRAY, .required = true, .high = IEC104_OUTSTATION_POINTS_MAX},
-};
+CONFIG_TABLE(tls_table, .name = "outstations_tls", .rules = channel_tls_rules, .count = CHANNEL_TLS_RULES);
 
-/* Those that the standard has, and a position. */
-static const char *const types[] = {MAP_STANDARD_TYPES(MAP_TYPE_NAME) "position", NULL};
-#define POSITION (MAP_COUNTER + 1) /* after the last of them */
-
-enum {
-	POINT_NAME,
-	POINT_TYPE,
-	POINT_IOA,
-	POINT_REMOTE_IOA,
-	POINT_COUNT,
-	POINT_GROUP,
-	POINT_READ,
-	POINT_COMMAND,
-	POINT_COMMAND_IOA,
-	POINT_SELECT,
-	POINT_SHORT_PULSE,
-	POINT_LONG_PULSE,
-	POINT_KEYS
-};
-static const struct config_rule point_rules[POINT_KEYS] = {
-    [POINT_NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1},
-    [POINT_TYPE] = {"type", CONFIG_CHOICE, .required = true, .choices = types},
-    [POINT_IOA] = {"ioa", CONFIG_INTEGER, .required = true, .low = 1, .high = IOA_MAX},
-    [POINT_REMOTE_IOA] = {"remote_ioa", CONFIG_INTEGER, .low = 1, .high = IOA_MAX},
-    [POINT_COUNT] = {"count", CONFIG_INTEGER, .low = 1, .high = COUNT_MAX, .fallback = 1},
-    [POINT_GROUP] = {"group", CONFIG_INTEGER, .low = 1, .high = 16},
-    [POINT_READ] = {"read_ms", CONFIG_INTEGER, .low = 100, .high = WAIT_MAX_MS},
-    [POINT_COMMAND] = {"command", CONFIG_BOOLEAN},
-    [POINT_COMMAND_IOA] = {"command_ioa", CONFIG_INTEGER, .low = 1, .high = IOA_MAX},
-    [POINT_SELECT] = {"select", CONFIG_BOOLEAN},
-    [POINT_SHORT_PULSE] = {"short_pulse_ms", CONFIG_INTEGER, .low = 1, .high = 65535},
-    [POINT_LONG_PULSE] = {"long_pulse_ms", CONFIG_INTEGER, .low = 1, .high = 65535},
+enum { FILE_OUTSTATIONS, FILE_TLS, FILE_KEYS };
+static const struct config_rule file_rules[FILE_KEYS] = {
+    [FILE_OUTSTATIONS] = {"outstations", CONFIG_ARRAY, .high = IEC104_OUTSTATIONS_MAX,
+			  CONFIG_SAYS("Other stations of IEC 60870-5-104, whose objects become points.",
+				      .see = "concentrator.md", .table = &outstation_table)},
+    [FILE_TLS] = {"outstations_tls", CONFIG_OBJECT,
+		  CONFIG_SAYS("IEC 62351-3: who the gateway is for outstations with TLS.",
+			      .table = &tls_table)},
 };
 
 /* ---- points ------------------------------------------------------------------------------ */

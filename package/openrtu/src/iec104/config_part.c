@@ -9,19 +9,11 @@
 #include "iec104/config_readers.h"
 #include "iec104/geoposition.h"
 
+#define ADDRESS_DEFAULT   "0.0.0.0"
 #define SECONDS_OF_2_DAYS 172800
 #define ORIGINATORS       256
 #define PORT_PLAIN        2404
 #define PORT_TLS          19998 /* IANA: iec-104-sec */
-
-enum { FILE_IEC104, FILE_TLS, FILE_MASTERS, FILE_GROUPS, FILE_ORIGINATORS, FILE_KEYS };
-static const struct config_rule file_rules[FILE_KEYS] = {
-    [FILE_IEC104] = {"iec104", CONFIG_OBJECT},
-    [FILE_TLS] = {"tls", CONFIG_OBJECT},
-    [FILE_MASTERS] = {"masters", CONFIG_ARRAY, .high = IEC104_MASTERS_MAX},
-    [FILE_GROUPS] = {"redundancy_groups", CONFIG_ARRAY, .high = MAP_NAMED_QUEUES_MAX},
-    [FILE_ORIGINATORS] = {"originators", CONFIG_ARRAY, .high = ORIGINATORS},
-};
 
 enum {
 	IEC104_ADDRESS,
@@ -43,23 +35,96 @@ enum {
 	IEC104_KEYS
 };
 static const struct config_rule iec104_rules[IEC104_KEYS] = {
-    [IEC104_ADDRESS] = {"address", CONFIG_TEXT, .low = 1, .high = MAP_ADDRESS_SIZE - 1},
-    [IEC104_PORT] = {"port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = PORT_PLAIN},
-    [IEC104_K] = {"k", CONFIG_INTEGER, .low = 1, .high = 32767, .fallback = 12},
-    [IEC104_W] = {"w", CONFIG_INTEGER, .low = 1, .high = 32767, .fallback = 8},
-    [IEC104_T1] = {"t1", CONFIG_INTEGER, .low = 2, .high = 255, .fallback = 15},
-    [IEC104_T2] = {"t2", CONFIG_INTEGER, .low = 1, .high = 254, .fallback = 10},
-    [IEC104_T3] = {"t3", CONFIG_INTEGER, .low = 1, .high = SECONDS_OF_2_DAYS, .fallback = 20},
-    [IEC104_MAX_CONNECTIONS] = {"max_connections", CONFIG_INTEGER, .low = 1, .high = 16, .fallback = 8},
-    [IEC104_CONNECTIONS_PER_ADDRESS] = {"connections_per_address", CONFIG_INTEGER, .low = 1, .high = 16},
-    [IEC104_SELECT_TIMEOUT] = {"select_timeout", CONFIG_INTEGER, .low = 1, .high = 3600},
-    [IEC104_COMMAND_TIMEOUT] = {"command_timeout", CONFIG_INTEGER, .low = 1, .high = 3600},
-    [IEC104_COMMAND_WITHOUT_CLOCK] = {"command_without_clock", CONFIG_BOOLEAN},
-    [IEC104_CLOCK_MASTERS] = {"clock_masters", CONFIG_ARRAY, .high = IEC104_CLOCK_MASTERS_MAX},
-    [IEC104_OWN_CA] = {"own_ca", CONFIG_INTEGER, .low = 1, .high = 65534},
+    [IEC104_ADDRESS] = {"address", CONFIG_TEXT, .low = 1, .high = MAP_ADDRESS_SIZE - 1,
+			CONFIG_SAYS("IPv4 or IPv6 address to listen on.", .otherwise_text = ADDRESS_DEFAULT,
+				    .json = CONFIG_JSON({"$ref" : "#/$defs/ip_address"}))},
+    [IEC104_PORT] = {"port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = PORT_PLAIN,
+		     CONFIG_SAYS("TCP port; without the key and with `tls` 19998.")},
+    [IEC104_K] = {"k", CONFIG_INTEGER, .low = 1, .high = 32767, .fallback = 12,
+		  CONFIG_SAYS("I frames sent and not yet acknowledged, at most.")},
+    [IEC104_W] = {"w", CONFIG_INTEGER, .low = 1, .high = 32767, .fallback = 8,
+		  CONFIG_SAYS("I frames received before they are acknowledged, at most; not more than `k`; "
+			      "two thirds of `k` is better.")},
+    [IEC104_T1] = {"t1", CONFIG_INTEGER, .low = 2, .high = 255, .fallback = 15,
+		   CONFIG_SAYS("Seconds until a frame that is not acknowledged closes the connection.",
+			       .unit = "s")},
+    [IEC104_T2] = {"t2", CONFIG_INTEGER, .low = 1, .high = 254, .fallback = 10,
+		   CONFIG_SAYS("Seconds until received I frames are acknowledged; less than t1.",
+			       .unit = "s")},
+    [IEC104_T3] = {"t3", CONFIG_INTEGER, .low = 1, .high = SECONDS_OF_2_DAYS, .fallback = 20,
+		   CONFIG_SAYS("Seconds of silence until a test frame is sent; 172800 s are 48 h.",
+			       .unit = "s")},
+    [IEC104_MAX_CONNECTIONS] = {"max_connections", CONFIG_INTEGER, .low = 1, .high = 16, .fallback = 8,
+				CONFIG_SAYS("Connections of controlling stations at once.")},
+    [IEC104_CONNECTIONS_PER_ADDRESS] = {"connections_per_address", CONFIG_INTEGER, .low = 1, .high = 16,
+					CONFIG_SAYS("Connections at once from one IP address, at most "
+						    "`max_connections`; not given: half of these.")},
+    [IEC104_SELECT_TIMEOUT] = {"select_timeout", CONFIG_INTEGER, .low = 1, .high = 3600,
+			       CONFIG_SAYS("The same as select_timeout of commands, from before that object; "
+					   "not both with different values.",
+					   .unit = "s")},
+    [IEC104_COMMAND_TIMEOUT] = {"command_timeout", CONFIG_INTEGER, .low = 1, .high = 3600,
+				CONFIG_SAYS("The same as command_timeout of commands, from before that "
+					    "object; not both with different values.",
+					    .unit = "s")},
+    [IEC104_COMMAND_WITHOUT_CLOCK] =
+	{"command_without_clock", CONFIG_BOOLEAN,
+	 CONFIG_SAYS("Accepts commands with a time tag even if the gateway's clock was never set and their "
+		     "age is not known. With `false`, it refuses them.")},
+    [IEC104_CLOCK_MASTERS] =
+	{"clock_masters", CONFIG_ARRAY, .high = IEC104_CLOCK_MASTERS_MAX,
+	 CONFIG_SAYS("IP addresses of the controlling stations that may set the clock; none given: all may.",
+		     .json = CONFIG_JSON({"items" : {"$ref" : "#/$defs/ip_address"}}))},
+    [IEC104_OWN_CA] = {"own_ca", CONFIG_INTEGER, .low = 1, .high = 65534,
+		       CONFIG_SAYS("Common address of the gateway's own station, which says whether events "
+				   "were lost; not that of a device.",
+				   .see = "telecontrol.md#lost-events-as-points")},
     [IEC104_POSITION_TYPE] = {"position_type", CONFIG_INTEGER, .low = IEC104_PRIVATE_FIRST,
-			      .high = IEC104_PRIVATE_LAST, .fallback = IEC104_GEOPOSITION},
-    [IEC104_IGNORE_SUMMER_BIT] = {"ignore_summer_bit", CONFIG_BOOLEAN},
+			      .high = IEC104_PRIVATE_LAST, .fallback = IEC104_GEOPOSITION,
+			      CONFIG_SAYS("Type identification, of the range for special use, of positions "
+					  "that are sent as a whole: position_ioa of a receiver.")},
+    [IEC104_IGNORE_SUMMER_BIT] =
+	{"ignore_summer_bit", CONFIG_BOOLEAN,
+	 CONFIG_SAYS(
+	     "Reads the times of controlling stations that leave the bit SU 0 in summer: by `timezone`, and "
+	     "in the hour that comes twice as the one that is nearer to the gateway's clock. With `false`, a "
+	     "time whose bit is not that of `timezone` is refused.")},
+};
+CONFIG_TABLE(iec104_table, .name = "iec104", .rules = iec104_rules, .count = IEC104_KEYS);
+
+/* Of the object "tls": who may come. */
+static const struct config_rule tls_masters = {
+    "masters", CONFIG_ARRAY, .high = CHANNEL_TLS_PEERS_MAX,
+    CONFIG_SAYS("Common names, or SHA-256 fingerprints as AB:CD:..., of the controlling stations' "
+		"certificates; none given: all that are from the CAs.",
+		.json = CHANNEL_TLS_PEERS_JSON)};
+CONFIG_TABLE(tls_table, .name = "tls", .rules = channel_tls_rules, .count = CHANNEL_TLS_RULES,
+	     .own = &tls_masters);
+
+enum { FILE_IEC104, FILE_TLS, FILE_MASTERS, FILE_GROUPS, FILE_ORIGINATORS, FILE_KEYS };
+static const struct config_rule file_rules[FILE_KEYS] = {
+    [FILE_IEC104] = {"iec104", CONFIG_OBJECT,
+		     CONFIG_SAYS("The IEC 60870-5-104 side. Without it, that with all its defaults: it "
+				 "listens on port 2404 of all addresses.",
+				 .table = &iec104_table)},
+    [FILE_TLS] = {"tls", CONFIG_OBJECT,
+		  CONFIG_SAYS("IEC 62351-3: TLS on the IEC 60870-5-104 side. Without it, plain TCP.",
+			      .table = &tls_table)},
+    [FILE_MASTERS] = {"masters", CONFIG_ARRAY, .high = IEC104_MASTERS_MAX,
+		      CONFIG_SAYS(
+			  "IP addresses of the controlling stations that may connect; not given: all may. No "
+			  "other connection is answered.",
+			  .json = CONFIG_JSON({"minItems" : 1, "items" : {"$ref" : "#/$defs/ip_address"}}))},
+    [FILE_GROUPS] = {"redundancy_groups", CONFIG_ARRAY, .high = MAP_NAMED_QUEUES_MAX,
+		     CONFIG_SAYS(
+			 "Controlling stations that share one queue of events; one at a time gets them.",
+			 .table = &iec104_group_table)},
+    [FILE_ORIGINATORS] =
+	{"originators", CONFIG_ARRAY, .high = ORIGINATORS,
+	 CONFIG_SAYS("Originator addresses (0 to 255) that may command, interrogate and read; not given: all "
+		     "may. Others get a negative confirmation.",
+		     .json = CONFIG_JSON(
+			 {"minItems" : 1, "items" : {"type" : "integer", "minimum" : 0, "maximum" : 255}}))},
 };
 
 /* IEC 60870-5-104, 5.5: w should not exceed two thirds of k; more than k would never be reached. */
@@ -150,7 +215,8 @@ static void read_settings(struct config_loader *loader, const struct config_plac
 	settings->position_type = (uint8_t)values[IEC104_POSITION_TYPE].integer;
 	if (!values[IEC104_ADDRESS].wrong)
 		config_read_address(&loader->report, &address,
-				    values[IEC104_ADDRESS].given ? values[IEC104_ADDRESS].text : "0.0.0.0",
+				    values[IEC104_ADDRESS].given ? values[IEC104_ADDRESS].text
+								 : ADDRESS_DEFAULT,
 				    settings->address);
 	if (values[IEC104_CLOCK_MASTERS].given)
 		settings->clock_master_count = (uint8_t)config_read_addresses(
@@ -204,7 +270,7 @@ static void read_part(struct config_loader *loader, void *own, const struct conf
 	read_settings(loader, &settings, values[FILE_IEC104].given ? values[FILE_IEC104].json : NULL,
 		      values[FILE_TLS].given);
 	if (values[FILE_TLS].given)
-		channel_read_tls(&loader->report, &tls, values[FILE_TLS].json, file_rules[FILE_MASTERS].name,
+		channel_read_tls(&loader->report, &tls, values[FILE_TLS].json, &tls_masters,
 				 &iec104_settings(loader->config)->tls);
 	read_controlling_stations(loader, &file, values);
 }

@@ -29,4 +29,7 @@ void iec104_check_masters(struct config_loader *loader, const struct config_plac
  */
 void iec104_add_own_station(struct config_loader *loader);
 
+/* Of each element of "redundancy_groups". */
+extern const struct config_table iec104_group_table;
+
 #endif

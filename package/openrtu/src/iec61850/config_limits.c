@@ -11,12 +11,23 @@
 
 enum { POINT, HIGH_HIGH, HIGH, LOW, LOW_LOW, KEYS };
 static const struct config_rule rules[KEYS] = {
-    [POINT] = {"point", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_NAME_SIZE - 1},
-    [HIGH_HIGH] = {"high_high", CONFIG_NUMBER, .required = true, .low = -FLT_MAX, .high = FLT_MAX},
-    [HIGH] = {"high", CONFIG_NUMBER, .required = true, .low = -FLT_MAX, .high = FLT_MAX},
-    [LOW] = {"low", CONFIG_NUMBER, .required = true, .low = -FLT_MAX, .high = FLT_MAX},
-    [LOW_LOW] = {"low_low", CONFIG_NUMBER, .required = true, .low = -FLT_MAX, .high = FLT_MAX},
+    [POINT] = {"point", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_NAME_SIZE - 1,
+	       CONFIG_SAYS("Name of a point that is an MV.", .json = CONFIG_JSON({"examples" : ["speed"]}))},
+    [HIGH_HIGH] = {"high_high", CONFIG_NUMBER, .required = true, .low = -FLT_MAX, .high = FLT_MAX,
+		   CONFIG_SAYS(
+		       "Above it the range is high-high; in the unit of the value sent, as the others.",
+		       .json = CONFIG_JSON({"examples" : [95]}))},
+    [HIGH] = {"high", CONFIG_NUMBER, .required = true, .low = -FLT_MAX, .high = FLT_MAX,
+	      CONFIG_SAYS("Above it the range is high; at most high_high.",
+			  .json = CONFIG_JSON({"examples" : [90]}))},
+    [LOW] = {"low", CONFIG_NUMBER, .required = true, .low = -FLT_MAX, .high = FLT_MAX,
+	     CONFIG_SAYS("Below it the range is low; less than high.",
+			 .json = CONFIG_JSON({"examples" : [10]}))},
+    [LOW_LOW] = {"low_low", CONFIG_NUMBER, .required = true, .low = -FLT_MAX, .high = FLT_MAX,
+		 CONFIG_SAYS("Below it the range is low-low; at most low.",
+			     .json = CONFIG_JSON({"examples" : [5]}))},
 };
+CONFIG_SHARED_TABLE(iec61850_limits_table, .name = "limits", .rules = rules, .count = KEYS);
 
 enum iec61850_cdc iec61850_configured_cdc(const struct map_config *config, uint32_t point)
 {

@@ -9,12 +9,20 @@
 #include "config/address.h"
 #include "iec61850/config.h"
 
+#define IED_DEFAULT   "OpenRTU"
 #define PORT          102
 #define PORT_TLS      3782 /* IANA: iso-tp0s */
 #define MAX_PDU       16000
 #define REPORT_BUFFER 2048
 
-static const struct config_rule file_rule = {.name = "iec61850", .kind = CONFIG_OBJECT};
+/* Of its object "tls": who may come. */
+static const struct config_rule tls_clients = {
+    "clients", CONFIG_ARRAY, .high = CHANNEL_TLS_PEERS_MAX,
+    CONFIG_SAYS("Common names, or SHA-256 fingerprints as AB:CD:..., of the clients' certificates; none "
+		"given: all that are from the CAs.",
+		.json = CHANNEL_TLS_PEERS_JSON)};
+CONFIG_TABLE(tls_table, .name = "iec61850_tls", .rules = channel_tls_rules, .count = CHANNEL_TLS_RULES,
+	     .own = &tls_clients);
 
 enum {
 	ADDRESS,
@@ -33,22 +41,49 @@ enum {
 };
 static const char *const securities[] = {"enhanced", "normal", NULL};
 static const struct config_rule rules[KEYS] = {
-    [ADDRESS] = {"address", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_ADDRESS_SIZE - 1},
-    [PORT_KEY] = {"port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = PORT},
-    [TLS] = {"tls", CONFIG_OBJECT},
-    [IED] = {"ied", CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1},
-    [CLIENTS] = {"clients", CONFIG_ARRAY, .high = IEC61850_CLIENTS_MAX},
-    [CONTROLLERS] = {"controllers", CONFIG_ARRAY, .high = IEC61850_CLIENTS_MAX},
-    [SECURITY] = {"control_security", CONFIG_CHOICE, .choices = securities},
+    [ADDRESS] = {"address", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_ADDRESS_SIZE - 1,
+		 CONFIG_SAYS("IP address that it listens on.",
+			     .json = CONFIG_JSON({"$ref" : "#/$defs/ip_address"}))},
+    [PORT_KEY] = {"port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = PORT,
+		  CONFIG_SAYS("TCP port; without the key and with `tls` 3782.")},
+    [TLS] = {"tls", CONFIG_OBJECT, CONFIG_SAYS("IEC 62351-3 and -4: MMS on TLS alone.", .table = &tls_table)},
+    [IED] = {"ied", CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1,
+	     CONFIG_SAYS("What the names of the logical devices begin with: a letter, then letters, digits "
+			 "and underscores.",
+			 .otherwise_text = IED_DEFAULT, .pattern = "^[A-Za-z][A-Za-z0-9_]*$")},
+    [CLIENTS] = {"clients", CONFIG_ARRAY, .high = IEC61850_CLIENTS_MAX,
+		 CONFIG_SAYS("IP addresses that may connect; not given: all may.",
+			     .json = CONFIG_JSON({"items" : {"$ref" : "#/$defs/ip_address"}}))},
+    [CONTROLLERS] = {"controllers", CONFIG_ARRAY, .high = IEC61850_CLIENTS_MAX,
+		     CONFIG_SAYS("IP addresses whose clients may command; not given: nobody.",
+				 .json = CONFIG_JSON({"items" : {"$ref" : "#/$defs/ip_address"}}))},
+    [SECURITY] = {"control_security", CONFIG_CHOICE, .choices = securities,
+		  CONFIG_SAYS(
+		      "Of commands: enhanced tells their end by CommandTermination, normal does not.")},
     [ASSOCIATIONS] = {"associations", CONFIG_INTEGER, .low = 1, .high = IEC61850_ASSOCIATIONS_MAX,
-		      .fallback = 8},
+		      .fallback = 8, CONFIG_SAYS("Clients at a time.")},
     [PDU] = {"max_pdu", CONFIG_INTEGER, .low = IEC61850_PDU_MIN, .high = IEC61850_PDU_MAX,
-	     .fallback = MAX_PDU},
+	     .fallback = MAX_PDU, CONFIG_SAYS("Octets of the longest MMS PDU.")},
     [BUFFER] = {"report_buffer", CONFIG_INTEGER, .low = IEC61850_BUFFER_MIN, .high = IEC61850_BUFFER_MAX,
-		.fallback = REPORT_BUFFER},
-    [LIMITS] = {"limits", CONFIG_ARRAY, .high = UINT16_MAX},
-    [DATA_SETS] = {"data_sets", CONFIG_ARRAY, .high = IEC61850_DATA_SETS_MAX},
+		.fallback = REPORT_BUFFER,
+		CONFIG_SAYS("Changes that are kept for buffered reports, of all points together; rounded up "
+			    "to a power of two.")},
+    [LIMITS] = {"limits", CONFIG_ARRAY, .high = UINT16_MAX,
+		CONFIG_SAYS("Limits of measured values, of each point once: clients see its range, and "
+			    "crossing a limit is an event, within the deadband too.",
+			    .see = "iec61850.md#ranges", .table = &iec61850_limits_table)},
+    [DATA_SETS] =
+	{"data_sets", CONFIG_ARRAY, .high = IEC61850_DATA_SETS_MAX,
+	 CONFIG_SAYS(
+	     "Data sets in place of `status` and `measured`, of the devices that have one here, 256 at most.",
+	     .table = &iec61850_set_table)},
 };
+CONFIG_TABLE(iec61850_table, .name = "iec61850", .rules = rules, .count = KEYS);
+
+static const struct config_rule file_rule = {
+    .name = "iec61850",
+    .kind = CONFIG_OBJECT,
+    CONFIG_SAYS("The server of IEC 61850: rtu-iec61850.", .table = &iec61850_table)};
 
 /* What is read when all points are there. */
 struct own {
@@ -71,7 +106,7 @@ static void read_ied(struct config_loader *loader, const struct config_place *pl
 {
 	const struct config_place here = config_key_of(place, rules[IED].name);
 
-	snprintf(settings->ied, sizeof(settings->ied), "%s", value->given ? value->text : "OpenRTU");
+	snprintf(settings->ied, sizeof(settings->ied), "%s", value->given ? value->text : IED_DEFAULT);
 	if (!value->wrong && !is_name(settings->ied))
 		config_error(&loader->report, &here,
 			     "\"%s\" is no name of an IED, expected a letter, then letters, digits and _",
@@ -86,7 +121,7 @@ static void read_tls(struct config_loader *loader, const struct config_place *pl
 
 	if (!keys[TLS].given)
 		return;
-	channel_read_tls(&loader->report, &here, keys[TLS].json, rules[CLIENTS].name, &settings->tls);
+	channel_read_tls(&loader->report, &here, keys[TLS].json, &tls_clients, &settings->tls);
 	if (!keys[PORT_KEY].given)
 		settings->port = PORT_TLS;
 }

@@ -26,4 +26,7 @@ bool iec61850_take_limits(struct config_loader *loader, const struct config_plac
 /* Reads the array of data sets, when all points and limits are there; NULL: there is none. False: no memory. */
 bool iec61850_take_sets(struct config_loader *loader, const struct config_place *place, const json_t *array);
 
+/* Of each element of "limits" and "data_sets". */
+extern const struct config_table iec61850_limits_table, iec61850_set_table;
+
 #endif

@@ -12,26 +12,56 @@
 
 #define LLN0 "LLN0"
 
-enum { NAME, LN, CONF_REV, POINTS, REPORTS, SET_KEYS };
-static const struct config_rule set_rules[SET_KEYS] = {
-    [NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .required = true, .low = 1, .high = IEC61850_SET_SIZE - 1},
-    [LN] = {"ln", CONFIG_TEXT, .low = 1, .high = IEC61850_LN_SIZE - 1},
-    [CONF_REV] = {"conf_rev", CONFIG_INTEGER, .low = 1, .high = UINT32_MAX},
-    [POINTS] = {"points", CONFIG_ARRAY, .required = true, .high = UINT16_MAX},
-    [REPORTS] = {"reports", CONFIG_ARRAY, .high = IEC61850_SET_REPORTS_MAX},
-};
-
 enum { CB_NAME, BUFFERED, INSTANCES, ID, TRIGGERS, OPTIONS, BUFFER_MS, INTEGRITY_MS, REPORT_KEYS };
 static const struct config_rule report_rules[REPORT_KEYS] = {
-    [CB_NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .required = true, .low = 1, .high = IEC61850_CB_SIZE - 1},
-    [BUFFERED] = {"buffered", CONFIG_BOOLEAN},
-    [INSTANCES] = {"instances", CONFIG_INTEGER, .low = 1, .high = IEC61850_INSTANCES_MAX, .fallback = 1},
-    [ID] = {"id", CONFIG_TEXT, .low = 1, .high = IEC61850_RPT_ID_SIZE - 1},
-    [TRIGGERS] = {"triggers", CONFIG_ARRAY, .high = 5},
-    [OPTIONS] = {"options", CONFIG_ARRAY, .high = 8},
-    [BUFFER_MS] = {"buffer_ms", CONFIG_INTEGER, .low = 0, .high = UINT32_MAX},
-    [INTEGRITY_MS] = {"integrity_ms", CONFIG_INTEGER, .low = 0, .high = UINT32_MAX},
+    [CB_NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .required = true, .low = 1, .high = IEC61850_CB_SIZE - 1,
+		 CONFIG_SAYS("Name before the index of two digits.", .pattern = "^[A-Za-z][A-Za-z0-9_]*$",
+			     .json = CONFIG_JSON({"examples" : ["brcbBay"]}))},
+    [BUFFERED] = {"buffered", CONFIG_BOOLEAN, CONFIG_SAYS("Whether changes are kept for it.")},
+    [INSTANCES] = {"instances", CONFIG_INTEGER, .low = 1, .high = IEC61850_INSTANCES_MAX, .fallback = 1,
+		   CONFIG_SAYS("Control blocks, one for each client at a time.")},
+    [ID] = {"id", CONFIG_TEXT, .low = 1, .high = IEC61850_RPT_ID_SIZE - 1,
+	    CONFIG_SAYS("RptID at first; if it is not given, the reference.")},
+    [TRIGGERS] = {"triggers", CONFIG_ARRAY, .high = 5,
+		  CONFIG_SAYS("TrgOps at first.",
+			      .json = CONFIG_JSON(
+				  {"items" : {"enum" : [ "dchg", "qchg", "dupd", "period", "gi" ]}}))},
+    [OPTIONS] = {"options", CONFIG_ARRAY, .high = 8,
+		 CONFIG_SAYS("OptFlds at first; bufOvfl and entryID of buffered ones alone.",
+			     .json = CONFIG_JSON({
+				     "items" : {
+					     "enum" : [
+						     "seqNum", "timeStamp", "reasonCode", "dataSet",
+						     "dataRef", "bufOvfl", "entryID", "configRef"
+					     ]
+				     }
+			     }))},
+    [BUFFER_MS] = {"buffer_ms", CONFIG_INTEGER, .low = 0, .high = UINT32_MAX, CONFIG_SAYS("BufTm at first.")},
+    [INTEGRITY_MS] = {"integrity_ms", CONFIG_INTEGER, .low = 0, .high = UINT32_MAX,
+		      CONFIG_SAYS("IntgPd at first; 0, or 100 at least.")},
 };
+CONFIG_TABLE(report_table, .name = "report", .rules = report_rules, .count = REPORT_KEYS);
+
+enum { NAME, LN, CONF_REV, POINTS, REPORTS, SET_KEYS };
+static const struct config_rule set_rules[SET_KEYS] = {
+    [NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .required = true, .low = 1, .high = IEC61850_SET_SIZE - 1,
+	      CONFIG_SAYS("Name in its logical node: a letter, then letters, digits and underscores.",
+			  .pattern = "^[A-Za-z][A-Za-z0-9_]*$", .json = CONFIG_JSON({"examples" : ["Bay"]}))},
+    [LN] = {"ln", CONFIG_TEXT, .low = 1, .high = IEC61850_LN_SIZE - 1,
+	    CONFIG_SAYS("Logical node whose it is, with its control blocks: LLN0, or one that has a point of "
+			"the same device.",
+			.otherwise_text = LLN0)},
+    [CONF_REV] = {"conf_rev", CONFIG_INTEGER, .low = 1, .high = UINT32_MAX,
+		  CONFIG_SAYS("ConfRev of its control blocks; if it is not given, a number of the members.")},
+    [POINTS] = {"points", CONFIG_ARRAY, .required = true, .high = UINT16_MAX,
+		CONFIG_SAYS("Names of points of one common address, each once; with `[stVal]` behind a name, "
+			    "of that attribute alone.",
+			    .see = "iec61850.md#data-sets-and-reports",
+			    .json = CONFIG_JSON({"minItems" : 1, "items" : {"type" : "string"}}))},
+    [REPORTS] = {"reports", CONFIG_ARRAY, .high = IEC61850_SET_REPORTS_MAX,
+		 CONFIG_SAYS("Its report control blocks, 8 at most.", .table = &report_table)},
+};
+CONFIG_SHARED_TABLE(iec61850_set_table, .name = "data_set", .rules = set_rules, .count = SET_KEYS);
 
 /* As IEC 61850-6 names them. */
 struct word {

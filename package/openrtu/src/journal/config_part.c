@@ -8,17 +8,36 @@
 #include "journal/record.h"
 #include "journal/wear.h"
 
-static const struct config_rule file_rule = {.name = "journal", .kind = CONFIG_OBJECT};
+#define PATH_DEFAULT "/data/openrtu/journal"
 
 enum { JOURNAL_PATH, JOURNAL_SIZE, JOURNAL_INTERVAL, JOURNAL_VOLUME, JOURNAL_CYCLES, JOURNAL_KEYS };
 static const struct config_rule journal_rules[JOURNAL_KEYS] = {
-    [JOURNAL_PATH] = {"path", CONFIG_TEXT, .low = 1, .high = MAP_FILE_SIZE - 1},
-    [JOURNAL_SIZE] = {"size_kb", CONFIG_INTEGER, .low = 64, .high = 8192, .fallback = 384},
-    [JOURNAL_INTERVAL] = {"interval_s", CONFIG_INTEGER, .low = 1, .high = 3600, .fallback = 30},
+    [JOURNAL_PATH] =
+	{"path", CONFIG_TEXT, .low = 1, .high = MAP_FILE_SIZE - 1,
+	 CONFIG_SAYS(
+	     "Absolute path of the folder of the journal, which rtud makes and gives to rtu-journal's user.",
+	     .otherwise_text = PATH_DEFAULT, .pattern = "^/[^\\u0000-\\u001f\\u007f]*$")},
+    [JOURNAL_SIZE] = {"size_kb", CONFIG_INTEGER, .low = 64, .high = 8192, .fallback = 384,
+		      CONFIG_SAYS(
+			  "KiB of its file, at most. A record has a quarter of it, 36 events a KiB.")},
+    [JOURNAL_INTERVAL] =
+	{"interval_s", CONFIG_INTEGER, .low = 1, .high = 3600, .fallback = 30,
+	 CONFIG_SAYS("Seconds between two records, at least: a power cut may lose the events of this time.")},
     /* The least that the data volume of this family of boards has, and the least that its makers warrant. */
-    [JOURNAL_VOLUME] = {"volume_mb", CONFIG_INTEGER, .low = 1, .high = 1048576, .fallback = 47},
-    [JOURNAL_CYCLES] = {"cycles", CONFIG_INTEGER, .low = 1000, .high = 10000000, .fallback = 60000},
+    [JOURNAL_VOLUME] = {"volume_mb", CONFIG_INTEGER, .low = 1, .high = 1048576, .fallback = 47,
+			CONFIG_SAYS("MiB of flash over which the file system spreads the writes.")},
+    [JOURNAL_CYCLES] = {"cycles", CONFIG_INTEGER, .low = 1000, .high = 10000000, .fallback = 60000,
+			CONFIG_SAYS("How often a block of this flash may be erased.")},
 };
+CONFIG_TABLE(journal_table, .name = "journal", .rules = journal_rules, .count = JOURNAL_KEYS);
+
+static const struct config_rule file_rule = {
+    .name = "journal",
+    .kind = CONFIG_OBJECT,
+    CONFIG_SAYS(
+	"Keeps the events that a controlling station has not acknowledged, retained points, and retained "
+	"variables of programs, over a power cut. Without it, a power cut deletes all of them.",
+	.table = &journal_table)};
 
 static void check_life(struct config_loader *loader, const struct config_place *place,
 		       const struct journal_settings *journal)
@@ -37,7 +56,7 @@ static void read_path(struct config_loader *loader, const struct config_place *p
 		      const struct config_value *value, char out[MAP_FILE_SIZE])
 {
 	const struct config_place here = config_key_of(place, journal_rules[JOURNAL_PATH].name);
-	const char *path = value->given ? value->text : "/data/openrtu/journal";
+	const char *path = value->given ? value->text : PATH_DEFAULT;
 
 	if (path[0] == '/')
 		snprintf(out, MAP_FILE_SIZE, "%s", path);

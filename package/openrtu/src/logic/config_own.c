@@ -23,41 +23,41 @@ enum {
 	POINT_KEYS
 };
 static const struct config_rule point_rules[POINT_KEYS] = {
-    [POINT_NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .required = true, .low = 1, .high = MAP_NAME_SIZE - 1},
-    [POINT_TYPE] = {"type", CONFIG_TEXT, .low = 1, .high = 15},
-    [POINT_IOA] = {"ioa", CONFIG_INTEGER, .required = true, .low = 1, .high = 16777215},
-    [POINT_GROUP] = {"group", CONFIG_INTEGER, .low = 1, .high = 16},
-    [POINT_SELECT] = {"select", CONFIG_BOOLEAN},
+    [POINT_NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .required = true, .low = 1, .high = MAP_NAME_SIZE - 1,
+		    CONFIG_SAYS("Name in the program and of the point.")},
+    [POINT_TYPE] =
+	{"type", CONFIG_CHOICE, .choices = map_type_names,
+	 CONFIG_SAYS("Type of the point. Without it, single for BOOL, bitstring for bits, scaled for SINT, "
+		     "INT and USINT, integer for DINT and UINT, float for REAL and LREAL; others need it.",
+		     .unset = true)},
+    [POINT_IOA] = {"ioa", CONFIG_INTEGER, .required = true, .low = 1, .high = 16777215,
+		   CONFIG_SAYS("Information object address.")},
+    [POINT_GROUP] = {"group", CONFIG_INTEGER, .low = 1, .high = 16, CONFIG_SAYS("Interrogation group.")},
+    [POINT_SELECT] = {"select", CONFIG_BOOLEAN, CONFIG_SAYS("A command needs a selection first.")},
     [POINT_LN] = CONFIG_LN_RULE,
-    [POINT_DEADBAND] = {"deadband", CONFIG_NUMBER, .low = 0, .high = FLT_MAX},
-    [POINT_VALUE] = {"value", CONFIG_NUMBER, .low = -FLT_MAX, .high = FLT_MAX},
-    [POINT_RETAIN] = {"retain", CONFIG_BOOLEAN},
+    [POINT_DEADBAND] = {"deadband", CONFIG_NUMBER, .low = 0, .high = FLT_MAX,
+			CONFIG_SAYS("Changes up to this, in the unit of the value, make no event.")},
+    [POINT_VALUE] = {"value", CONFIG_NUMBER, .low = -FLT_MAX, .high = FLT_MAX,
+		     CONFIG_SAYS("Value of a point that controlling stations set, until they do; without it "
+				 "the point is invalid until then. A reload may change it.",
+				 .see = "reload.md", .unset = true)},
+    [POINT_RETAIN] = {"retain", CONFIG_BOOLEAN,
+		      CONFIG_SAYS("`true`: it begins with its last value, instead of `value` or 0; with "
+				  "`journal` over a power cut, too.")},
 };
-
-/* Its number, or MAP_TYPES: there is none of this name. */
-static unsigned type_of(const char *name)
-{
-	unsigned type = 0;
-
-	while (type < MAP_TYPES && strcmp(map_types[type].name, name) != 0)
-		type++;
-	return type;
-}
+CONFIG_SHARED_TABLE(logic_point_table, .name = "program_point", .rules = point_rules, .count = POINT_KEYS);
 
 static void read_type(struct config_loader *loader, const struct config_place *place,
 		      const struct config_value *value, const struct logic_point *point,
 		      struct logic_own_point *out)
 {
 	const struct config_place here = config_key_of(place, point_rules[POINT_TYPE].name);
-	unsigned type = value->given ? type_of(value->text) : logic_map_type(point->type);
+	const unsigned type = value->given ? (unsigned)value->integer : logic_map_type(point->type);
 
 	out->type = (uint8_t)type;
 	if (value->wrong)
 		return;
-	if (type == MAP_TYPES && value->given)
-		config_error(&loader->report, &here, "\"%s\" is no type, expected one like single or float",
-			     value->text);
-	else if (type == MAP_TYPES)
+	if (type == MAP_TYPES)
 		config_error(&loader->report, &here,
 			     "is missing: the program's type for %s is none of a point; expected integer, "
 			     "float or counter",

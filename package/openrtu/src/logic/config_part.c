@@ -9,8 +9,6 @@
 #include "config/scanners.h"
 #include "logic/config_readers.h"
 
-static const struct config_rule file_rule = {LOGIC_KEY, CONFIG_ARRAY, .high = LOGIC_INSTANCES_MAX};
-
 enum {
 	LOGIC_NAME,
 	LOGIC_PROGRAM,
@@ -22,15 +20,34 @@ enum {
 	LOGIC_KEYS
 };
 static const struct config_rule rules[LOGIC_KEYS] = {
-    [LOGIC_NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .required = true, .low = 1, .high = LOGIC_NAME_SIZE - 1},
-    [LOGIC_PROGRAM] = {"program", CONFIG_TEXT, .required = true, .low = 1, .high = 255},
-    [LOGIC_PERIOD] = {"period_ms", CONFIG_INTEGER, .low = 10, .high = 3600000, .fallback = 100},
+    [LOGIC_NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .required = true, .low = 1, .high = LOGIC_NAME_SIZE - 1,
+		    CONFIG_SAYS("Name of the instance, of a-z, 0-9, - and _; its module is rtu-logic-NAME.",
+				.pattern = "^[a-z0-9_-]*$")},
+    [LOGIC_PROGRAM] = {"program", CONFIG_TEXT, .required = true, .low = 1, .high = 255,
+		       CONFIG_SAYS("File that openrtu logic compile has written, by its name relative to the "
+				   "folder of the configuration.")},
+    [LOGIC_PERIOD] = {"period_ms", CONFIG_INTEGER, .low = 10, .high = 3600000, .fallback = 100,
+		      CONFIG_SAYS("Milliseconds from scan to scan.")},
     [LOGIC_BUDGET_KEY] = {"budget", CONFIG_INTEGER, .low = 1000, .high = 1000000,
-			  .fallback = LOGIC_BUDGET_DEFAULT},
-    [LOGIC_CA] = {"ca", CONFIG_INTEGER, .required = true, .low = 1, .high = 65534},
-    [LOGIC_POINTS] = {"points", CONFIG_ARRAY, .required = true, .high = 1000},
-    [LOGIC_NAMES] = {"names", CONFIG_OBJECT},
+			  .fallback = LOGIC_BUDGET_DEFAULT,
+			  CONFIG_SAYS(
+			      "Instructions of a scan, at most: more end it, and its results are invalid.")},
+    [LOGIC_CA] = {"ca", CONFIG_INTEGER, .required = true, .low = 1, .high = 65534,
+		  CONFIG_SAYS("Common address of the program's own points; no device has it.")},
+    [LOGIC_POINTS] = {"points", CONFIG_ARRAY, .required = true, .high = 1000,
+		      CONFIG_SAYS("The points that are the program's own: what it writes, and what "
+				  "controlling stations command at it.",
+				  .table = &logic_point_table)},
+    [LOGIC_NAMES] =
+	{"names", CONFIG_OBJECT,
+	 CONFIG_SAYS("Points of others that the program calls by another name: its name, and the point's.",
+		     .json = CONFIG_JSON({"additionalProperties" : {"type" : "string"}}))},
 };
+CONFIG_TABLE(program_table, .name = "program", .rules = rules, .count = LOGIC_KEYS);
+
+static const struct config_rule file_rule = {
+    LOGIC_KEY, CONFIG_ARRAY, .high = LOGIC_INSTANCES_MAX,
+    CONFIG_SAYS("Programs of Structured Text that the gateway runs.", .table = &program_table)};
 
 static bool begin(struct config_loader *loader, void *own, const json_t *root)
 {

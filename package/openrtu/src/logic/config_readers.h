@@ -74,4 +74,7 @@ void logic_add_set(struct config_loader *loader, struct logic_reading *reading);
 /* Finds the points that the programs name, in a configuration that has all sets. False: no memory. */
 bool logic_link(struct config_loader *loader, struct logic_readings *readings);
 
+/* Of a point of a program. */
+extern const struct config_table logic_point_table;
+
 #endif

@@ -114,4 +114,14 @@ void modbus_resolve_status(struct modbus_loader *loader);
 /* Reports periods that a line cannot hold. The configuration is complete and has no errors. False without memory. */
 bool modbus_check_periods(struct modbus_loader *loader);
 
+/* ---- the schema -------------------------------------------------------------------------- */
+
+/* Of "port": a line, a connection, and what is not used. */
+extern const struct config_table modbus_port_table, modbus_tcp_table, modbus_inactive_table;
+/* Of the devices in them. */
+extern const struct config_table modbus_slave_table, modbus_tcp_slave_table;
+/* Of the objects in these. */
+extern const struct config_table modbus_coil_table, modbus_discrete_input_table, modbus_input_register_table,
+    modbus_holding_register_table;
+
 #endif

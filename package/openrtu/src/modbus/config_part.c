@@ -8,17 +8,47 @@
 #include "map/map.h"
 #include "modbus/config_loader.h"
 
-enum { FILE_PORT, FILE_MODBUS, FILE_KEYS };
-static const struct config_rule file_rules[FILE_KEYS] = {
-    [FILE_PORT] = {MODBUS_KEY_PORTS, CONFIG_ARRAY, .required = true, .high = MODBUS_PORTS_MAX},
-    [FILE_MODBUS] = {"modbus", CONFIG_OBJECT},
-};
-
 enum { MODBUS_PRIORITY, MODBUS_HEARTBEAT_LIMIT, MODBUS_KEYS };
 static const struct config_rule modbus_rules[MODBUS_KEYS] = {
-    [MODBUS_PRIORITY] = {"priority", CONFIG_INTEGER, .low = 0, .high = 99, .fallback = 45},
-    [MODBUS_HEARTBEAT_LIMIT] = {"heartbeat_limit_ms", CONFIG_INTEGER, .low = MAP_HEARTBEAT_LIMIT_MS,
-				.high = MAP_IDLE_HEARTBEAT_LIMIT_MS, .fallback = MAP_HEARTBEAT_LIMIT_MS},
+    [MODBUS_PRIORITY] = {"priority", CONFIG_INTEGER, .low = 0, .high = 99, .fallback = 45,
+			 CONFIG_SAYS(
+			     "Real-time priority (SCHED_FIFO) of the rtu-modbus processes; 0: none.")},
+    [MODBUS_HEARTBEAT_LIMIT] =
+	{"heartbeat_limit_ms", CONFIG_INTEGER, .low = MAP_HEARTBEAT_LIMIT_MS,
+	 .high = MAP_IDLE_HEARTBEAT_LIMIT_MS, .fallback = MAP_HEARTBEAT_LIMIT_MS,
+	 CONFIG_SAYS(
+	     "Milliseconds without a heartbeat of a rtu-modbus process after which its points are invalid.")},
+};
+CONFIG_TABLE(modbus_table, .name = "modbus", .rules = modbus_rules, .count = MODBUS_KEYS);
+
+enum { FILE_PORT, FILE_MODBUS, FILE_KEYS };
+static const struct config_rule file_rules[FILE_KEYS] = {
+    [FILE_PORT] =
+	{MODBUS_KEY_PORTS, CONFIG_ARRAY, .required = true, .high = MODBUS_PORTS_MAX,
+	 CONFIG_SAYS(
+	     "The serial lines and the Modbus TCP connections. Not all ports of the board need be there.",
+	     .forms = CONFIG_FORMS(&modbus_inactive_table, &modbus_tcp_table, &modbus_port_table),
+	     .json = CONFIG_JSON({
+		     "items" : {
+			     "if" : {
+				     "type" : "object",
+				     "required" : ["active"],
+				     "properties" : {"active" : {"const" : 0}}
+			     },
+			     "then" : {"$ref" : "#/$defs/inactive_port"},
+			     "else" : {
+				     "if" : {
+					     "type" : "object",
+					     "anyOf" :
+						 [ {"required" : ["host"]}, {"required" : ["tcp_port"]} ]
+				     },
+				     "then" : {"$ref" : "#/$defs/tcp_connection"},
+				     "else" : {"$ref" : "#/$defs/port"}
+			     }
+		     }
+	     }))},
+    [FILE_MODBUS] = {"modbus", CONFIG_OBJECT,
+		     CONFIG_SAYS("What all Modbus lines share.", .table = &modbus_table)},
 };
 
 static void read_settings(struct modbus_loader *loader, const struct config_place *place, const json_t *json)

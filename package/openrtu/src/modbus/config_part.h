@@ -7,4 +7,7 @@
 /* "port" and "modbus", and the devices of "templates"; its own is struct modbus_loader. */
 extern const struct config_part modbus_part;
 
+/* Of each device in "templates". */
+extern const struct config_table modbus_template_table;
+
 #endif

@@ -18,6 +18,21 @@
 /* The report's /dev names of ports 1 to 6: the NUC980's UARTs behind the board's RS-485 terminals. */
 static const char *const board_devices[] = {"ttyS1", "ttyS2", "ttyS3", "ttyS4", "ttyS6", "ttyS8"};
 
+/* The kernel holds the delays to 100 ms. */
+enum { RS485_RTS_ON_SEND, RS485_DELAY_BEFORE, RS485_DELAY_AFTER, RS485_KEYS };
+static const char *const levels[] = {"high", "low", NULL};
+static const struct config_rule rs485_rules[RS485_KEYS] = {
+    [RS485_RTS_ON_SEND] = {"rts_on_send", CONFIG_CHOICE, .choices = levels,
+			   CONFIG_SAYS("Level of the RTS pin while sending.")},
+    [RS485_DELAY_BEFORE] = {"delay_before_ms", CONFIG_INTEGER, .low = 0, .high = 100,
+			    CONFIG_SAYS(
+				"Milliseconds from the switch of direction to the first character sent.")},
+    [RS485_DELAY_AFTER] = {"delay_after_ms", CONFIG_INTEGER, .low = 0, .high = 100,
+			   CONFIG_SAYS(
+			       "Milliseconds from the last character sent to the switch of direction.")},
+};
+CONFIG_TABLE(rs485_table, .name = "rs485", .rules = rs485_rules, .count = RS485_KEYS);
+
 enum {
 	PORT_VALUE,
 	PORT_ACTIVE,
@@ -35,17 +50,54 @@ enum {
 	INACTIVE_PORT_KEYS
 };
 static const struct config_rule port_rules[PORT_KEYS] = {
-    [PORT_VALUE] = {"value", CONFIG_INTEGER, .required = true, .low = 1, .high = MODBUS_PORTS_MAX},
-    [PORT_ACTIVE] = {"active", CONFIG_INTEGER, .required = true, .low = 0, .high = 1},
-    [PORT_BAUD_RATE] = {"baud_rate", CONFIG_INTEGER, .required = true, .low = 300, .high = 4000000},
-    [PORT_DATA_BITS] = {"data_bits", CONFIG_INTEGER, .required = true, .low = 4, .high = 8},
-    [PORT_STOP_BITS] = {"stop_bits", CONFIG_INTEGER, .required = true, .low = 1, .high = 2},
-    [PORT_PARITY] = {"parity", CONFIG_INTEGER, .required = true, .low = 0, .high = 2},
-    [PORT_SLAVES] = {MODBUS_KEY_SLAVES, CONFIG_ARRAY, .required = true, .high = MODBUS_UNIT_MAX + 1},
-    [PORT_DEVICE] = {"device", CONFIG_TEXT, .low = 1, .high = MODBUS_PATH_SIZE - 1},
-    [PORT_PROCESS] = {"process", CONFIG_INTEGER, .low = 1, .high = 6, .fallback = 1},
-    [PORT_RS485] = {"rs485", CONFIG_OBJECT},
+    [PORT_VALUE] =
+	{"value", CONFIG_INTEGER, .required = true, .low = 1, .high = MODBUS_PORTS_MAX,
+	 CONFIG_SAYS(
+	     "Number of the port, once in the file. 1 to 6 are the board's; beyond, device is needed.")},
+    [PORT_ACTIVE] = {"active", CONFIG_INTEGER, .required = true, .low = 0, .high = 1,
+		     CONFIG_SAYS("1: the line is used; 0: it is not, and nothing else of the port counts.")},
+    [PORT_BAUD_RATE] =
+	{"baud_rate", CONFIG_INTEGER, .required = true, .low = 300, .high = 4000000,
+	 CONFIG_SAYS(
+	     "Bit/s. Without a `device` at most 460800: the transceivers of the board end at 500 kbit/s.",
+	     .unit = "bit/s")},
+    [PORT_DATA_BITS] = {"data_bits", CONFIG_INTEGER, .required = true, .low = 4, .high = 8,
+			CONFIG_SAYS(
+			    "Data bits of a character. Modbus RTU sends whole bytes, so 4 to 7 are errors.",
+			    .json = CONFIG_JSON({"minimum" : 8}))},
+    [PORT_STOP_BITS] = {"stop_bits", CONFIG_INTEGER, .required = true, .low = 1, .high = 2,
+			CONFIG_SAYS("Stop bits of a character.")},
+    [PORT_PARITY] = {"parity", CONFIG_INTEGER, .required = true, .low = 0, .high = 2,
+		     CONFIG_SAYS("0: none, 1: odd, 2: even.")},
+    [PORT_SLAVES] = {MODBUS_KEY_SLAVES, CONFIG_ARRAY, .required = true, .high = MODBUS_UNIT_MAX + 1,
+		     CONFIG_SAYS("The Modbus devices on the line.", .table = &modbus_slave_table)},
+    [PORT_DEVICE] = {"device", CONFIG_TEXT, .low = 1, .high = MODBUS_PATH_SIZE - 1,
+		     CONFIG_SAYS("Serial device, absolute or below rtud's --dev directory. Without it, ports "
+				 "1 to 6 are ttyS1, ttyS2, ttyS3, ttyS4, ttyS6 and ttyS8.")},
+    [PORT_PROCESS] = {"process", CONFIG_INTEGER, .low = 1, .high = 6, .fallback = 1,
+		      CONFIG_SAYS("Lines with one number share one rtu-modbus process.")},
+    [PORT_RS485] = {"rs485", CONFIG_OBJECT,
+		    CONFIG_SAYS("The port's driver switches an RS-485 transceiver with its RTS pin. Without "
+				"it, the transceiver finds the direction itself, as those of the board do.",
+				.table = &rs485_table)},
 };
+CONFIG_SHARED_TABLE(
+    modbus_port_table, .name = "port", .rules = port_rules, .count = PORT_KEYS,
+    .json = CONFIG_JSON({
+	    "if" : {
+		    "anyOf" : [
+			    {
+				    "required" : ["value"],
+				    "properties" : {"value" : {"type" : "integer", "minimum" : 7}}
+			    },
+			    {
+				    "required" : ["baud_rate"],
+				    "properties" : {"baud_rate" : {"type" : "integer", "minimum" : 460801}}
+			    }
+		    ]
+	    },
+	    "then" : {"required" : ["device"]}
+    }));
 /* Figure 4.8: the parameters of a port that is not active are zeros and mean nothing. */
 static const struct config_rule inactive_port_rules[INACTIVE_PORT_KEYS] = {
     [PORT_VALUE] = {"value", CONFIG_INTEGER, .required = true, .low = 1, .high = MODBUS_PORTS_MAX},
@@ -62,26 +114,37 @@ static const struct config_rule inactive_port_rules[INACTIVE_PORT_KEYS] = {
     [PORT_TCP_PORT] = {KEY_TCP_PORT, CONFIG_ANYTHING},
 };
 
+CONFIG_SHARED_TABLE(modbus_inactive_table, .name = "inactive_port", .rules = inactive_port_rules,
+		    .count = INACTIVE_PORT_KEYS,
+		    .json = CONFIG_JSON({
+			    "description" : "Only value and active count; figure 4.8 has zeros for the rest.",
+			    "properties" : {"active" : {"const" : 0}}
+		    }));
+
 /* A Modbus TCP connection has nothing of a serial port, and none of the board's numbers. */
 enum { TCP_VALUE, TCP_ACTIVE, TCP_HOST, TCP_PORT, TCP_SLAVES, TCP_PROCESS, TCP_KEYS };
 static const struct config_rule tcp_rules[TCP_KEYS] = {
-    [TCP_VALUE] = {"value", CONFIG_INTEGER, .required = true, .low = COUNT(board_devices) + 1,
-		   .high = MODBUS_PORTS_MAX},
-    [TCP_ACTIVE] = {"active", CONFIG_INTEGER, .required = true, .low = 0, .high = 1},
-    [TCP_HOST] = {KEY_HOST, CONFIG_TEXT, .required = true, .low = 1, .high = MAP_ADDRESS_SIZE - 1},
-    [TCP_PORT] = {KEY_TCP_PORT, CONFIG_INTEGER, .low = 1, .high = UINT16_MAX, .fallback = TCP_PORT_DEFAULT},
-    [TCP_SLAVES] = {MODBUS_KEY_SLAVES, CONFIG_ARRAY, .required = true, .high = MODBUS_UNIT_MAX + 1},
-    [TCP_PROCESS] = {"process", CONFIG_INTEGER, .low = 1, .high = 6, .fallback = 1},
+    [TCP_VALUE] =
+	{"value", CONFIG_INTEGER, .required = true, .low = COUNT(board_devices) + 1, .high = MODBUS_PORTS_MAX,
+	 CONFIG_SAYS(
+	     "Number of the connection, which is a port like others, once in the file; 1 to 6 are serial.")},
+    [TCP_ACTIVE] = {"active", CONFIG_INTEGER, .required = true, .low = 0, .high = 1,
+		    CONFIG_SAYS("1: the connection is used; 0: it is not, and nothing else of it counts.")},
+    [TCP_HOST] = {KEY_HOST, CONFIG_TEXT, .required = true, .low = 1, .high = MAP_ADDRESS_SIZE - 1,
+		  CONFIG_SAYS("IPv4 or IPv6 address of the device, or of the gateway before its devices. Not "
+			      "a name: to look it up may take long.",
+			      .json = CONFIG_JSON({
+				      "anyOf" : [ {"format" : "ipv4"}, {"format" : "ipv6"} ],
+				      "examples" : [ "192.0.2.7", "2001:db8::7" ]
+			      }))},
+    [TCP_PORT] = {KEY_TCP_PORT, CONFIG_INTEGER, .low = 1, .high = UINT16_MAX, .fallback = TCP_PORT_DEFAULT,
+		  CONFIG_SAYS("TCP port.")},
+    [TCP_SLAVES] = {MODBUS_KEY_SLAVES, CONFIG_ARRAY, .required = true, .high = MODBUS_UNIT_MAX + 1,
+		    CONFIG_SAYS("The Modbus devices behind it.", .table = &modbus_tcp_slave_table)},
+    [TCP_PROCESS] = {"process", CONFIG_INTEGER, .low = 1, .high = 6, .fallback = 1,
+		     CONFIG_SAYS("Lines with one number share one rtu-modbus process.")},
 };
-
-/* The kernel holds the delays to 100 ms. */
-enum { RS485_RTS_ON_SEND, RS485_DELAY_BEFORE, RS485_DELAY_AFTER, RS485_KEYS };
-static const char *const levels[] = {"high", "low", NULL};
-static const struct config_rule rs485_rules[RS485_KEYS] = {
-    [RS485_RTS_ON_SEND] = {"rts_on_send", CONFIG_CHOICE, .choices = levels},
-    [RS485_DELAY_BEFORE] = {"delay_before_ms", CONFIG_INTEGER, .low = 0, .high = 100},
-    [RS485_DELAY_AFTER] = {"delay_after_ms", CONFIG_INTEGER, .low = 0, .high = 100},
-};
+CONFIG_SHARED_TABLE(modbus_tcp_table, .name = "tcp_connection", .rules = tcp_rules, .count = TCP_KEYS);
 
 static bool is_inactive(const json_t *port)
 {

@@ -19,8 +19,7 @@
 
 /* A slave's tables come first, so that enum modbus_table indexes them. */
 enum {
-	SLAVE_ID = MODBUS_TABLES,
-	SLAVE_DESCRIPTION,
+	SLAVE_DESCRIPTION = MODBUS_TABLES,
 	SLAVE_RESPONSE_TIMEOUT,
 	SLAVE_RESPONSE_TIMEOUT_MIN,
 	SLAVE_RETRIES,
@@ -35,47 +34,141 @@ enum {
 	SLAVE_CA,
 	SLAVE_IOA_OFFSET,
 	SLAVE_NAME_PREFIX,
+	SLAVE_OF_TEMPLATE, /* so many keys a template has */
+	SLAVE_ID = SLAVE_OF_TEMPLATE,
 	SLAVE_TEMPLATE,
 	SLAVE_OVERRIDES,
 	SLAVE_KEYS
 };
 static const struct config_rule slave_rules[SLAVE_KEYS] = {
-    [MODBUS_COILS] = {"coils", CONFIG_ARRAY, .high = CONFIG_POINTS_MAX},
-    [MODBUS_DISCRETE_INPUTS] = {"discrete_inputs", CONFIG_ARRAY, .high = CONFIG_POINTS_MAX},
-    [MODBUS_INPUT_REGISTERS] = {"input_registers", CONFIG_ARRAY, .high = CONFIG_POINTS_MAX},
-    [MODBUS_HOLDING_REGISTERS] = {"holding_registers", CONFIG_ARRAY, .high = CONFIG_POINTS_MAX},
-    [SLAVE_ID] = {"id", CONFIG_INTEGER, .required = true, .low = UNIT_BROADCAST, .high = MODBUS_UNIT_MAX},
-    [SLAVE_DESCRIPTION] = {"description", CONFIG_TEXT, .low = 0, .high = DESCRIPTION_MAX},
-    [SLAVE_RESPONSE_TIMEOUT] = {"response_timeout_ms", CONFIG_INTEGER, .low = 20, .high = 10000,
-				.fallback = 500},
-    [SLAVE_RESPONSE_TIMEOUT_MIN] = {"response_timeout_min_ms", CONFIG_INTEGER, .low = 10, .high = 10000,
-				    .fallback = 100},
-    [SLAVE_RETRIES] = {"retries", CONFIG_INTEGER, .low = 0, .high = 5, .fallback = 1},
-    [SLAVE_PROBE_MAX] = {MODBUS_KEY_PROBE_MAX, CONFIG_INTEGER, .low = 1, .high = UINT8_MAX},
-    [SLAVE_PERIOD] = {"period_ms", CONFIG_INTEGER, .low = 10, .high = 60000},
-    [SLAVE_REACTION] = {"reaction_ms", CONFIG_NUMBER, .low = 0.1, .high = 10000},
-    [SLAVE_PAUSE] = {"pause_ms", CONFIG_INTEGER, .low = 0, .high = 10000, .fallback = 0},
+    [MODBUS_COILS] = {"coils", CONFIG_ARRAY, .high = CONFIG_POINTS_MAX,
+		      CONFIG_SAYS("Objects read with function 1 and written with 5 or 15.",
+				  .table = &modbus_coil_table)},
+    [MODBUS_DISCRETE_INPUTS] = {"discrete_inputs", CONFIG_ARRAY, .high = CONFIG_POINTS_MAX,
+				CONFIG_SAYS("Objects read with function 2.",
+					    .table = &modbus_discrete_input_table)},
+    [MODBUS_INPUT_REGISTERS] = {"input_registers", CONFIG_ARRAY, .high = CONFIG_POINTS_MAX,
+				CONFIG_SAYS("Objects read with function 4.",
+					    .table = &modbus_input_register_table)},
+    [MODBUS_HOLDING_REGISTERS] = {"holding_registers", CONFIG_ARRAY, .high = CONFIG_POINTS_MAX,
+				  CONFIG_SAYS("Objects read with function 3 and written with 6 or 16.",
+					      .table = &modbus_holding_register_table)},
+    [SLAVE_DESCRIPTION] =
+	{"description", CONFIG_TEXT, .low = 0, .high = DESCRIPTION_MAX,
+	 CONFIG_SAYS(
+	     "Name of the device in UTF-8, of which the gateway keeps 39 bytes. Without it, p⟨port⟩.⟨id⟩.")},
+    [SLAVE_RESPONSE_TIMEOUT] =
+	{"response_timeout_ms", CONFIG_INTEGER, .low = 20, .high = 10000, .fallback = 500,
+	 CONFIG_SAYS(
+	     "Longest time from the end of a request to the first byte of the answer, in milliseconds.")},
+    [SLAVE_RESPONSE_TIMEOUT_MIN] =
+	{"response_timeout_min_ms", CONFIG_INTEGER, .low = 10, .high = 10000, .fallback = 100,
+	 CONFIG_SAYS(
+	     "Milliseconds that are waited for an answer at least, when a shorter time-out was learned. Not "
+	     "above response_timeout_ms; without it, that where it is less than the default.")},
+    [SLAVE_RETRIES] = {"retries", CONFIG_INTEGER, .low = 0, .high = 5, .fallback = 1,
+		       CONFIG_SAYS(
+			   "Reads repeated before the device counts as dead. Writes are never repeated.")},
+    [SLAVE_PROBE_MAX] =
+	{MODBUS_KEY_PROBE_MAX, CONFIG_INTEGER, .low = 1, .high = UINT8_MAX,
+	 CONFIG_SAYS("Seconds between two probes of the device while it is dead, at most. Without it, up to "
+		     "60, and as many as keep what they cost below 5 % of the line's time.")},
+    [SLAVE_PERIOD] = {"period_ms", CONFIG_INTEGER, .low = 10, .high = 60000,
+		      CONFIG_SAYS("Milliseconds between two reads of the device's objects, where they say "
+				  "nothing else. Without it, they are read in turn.")},
+    [SLAVE_REACTION] = {"reaction_ms", CONFIG_NUMBER, .low = 0.1, .high = 10000,
+			CONFIG_SAYS(
+			    "Milliseconds that the device takes, from the silence behind a request to the "
+			    "first byte of its answer: for the plan of its reads, and for what rtud --check "
+			    "says. Not above response_timeout_ms. Without it, 5 are assumed.",
+			    .json = CONFIG_JSON({"examples" : [ 0.1, 12.5, 500 ]}))},
+    [SLAVE_PAUSE] = {"pause_ms", CONFIG_INTEGER, .low = 0, .high = 10000, .fallback = 0,
+		     CONFIG_SAYS("Milliseconds between the end of the device's answer and the next request "
+				 "to it, at least; others of the line are asked meanwhile.",
+				 .see = "limit.md#pauses")},
     [SLAVE_MAX_BITS] = {"max_bits", CONFIG_INTEGER, .low = 1, .high = READ_BITS_MAX,
-			.fallback = READ_BITS_MAX},
+			.fallback = READ_BITS_MAX,
+			CONFIG_SAYS(
+			    "Coils or discrete inputs that one request may read of the device, at most.")},
     [SLAVE_MAX_REGISTERS] = {"max_registers", CONFIG_INTEGER, .low = 1, .high = READ_REGISTERS_MAX,
-			     .fallback = READ_REGISTERS_MAX},
-    [SLAVE_HOLES] = {"holes", CONFIG_BOOLEAN, .fallback = true},
-    [SLAVE_READ_BACK] = {"read_back", CONFIG_BOOLEAN, .fallback = true},
-    [SLAVE_CA] = {"ca", CONFIG_INTEGER, .low = 1, .high = 65534},
-    [SLAVE_IOA_OFFSET] = {"ioa_offset", CONFIG_INTEGER, .low = 0, .high = 16777214},
-    [SLAVE_NAME_PREFIX] = {"name_prefix", CONFIG_TEXT, .low = 0, .high = MAP_NAME_SIZE - 2},
-    [SLAVE_TEMPLATE] = {MODBUS_KEY_TEMPLATE, CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1},
-    [SLAVE_OVERRIDES] = {"overrides", CONFIG_OBJECT},
+			     .fallback = READ_REGISTERS_MAX,
+			     CONFIG_SAYS("Registers that one request may read of the device, at most.")},
+    [SLAVE_HOLES] = {"holes", CONFIG_BOOLEAN, .fallback = true,
+		     CONFIG_SAYS(
+			 "A request may read addresses between the objects where that is faster than another "
+			 "request. With false, the device is asked for the objects' addresses only.")},
+    [SLAVE_READ_BACK] =
+	{"read_back", CONFIG_BOOLEAN, .fallback = true,
+	 CONFIG_SAYS("What a command has written is read at once, and the command ends with that, where the "
+		     "objects say nothing else. With false, it ends with the device's confirmation.",
+		     .see = "telecontrol.md#without-read-back")},
+    [SLAVE_CA] = {"ca", CONFIG_INTEGER, .low = 1, .high = 65534,
+		  CONFIG_SAYS(
+		      "Common address, which several slaves may share. Without it, 1000 × port + id.")},
+    [SLAVE_IOA_OFFSET] =
+	{"ioa_offset", CONFIG_INTEGER, .low = 0, .high = 16777214,
+	 CONFIG_SAYS(
+	     "Added to the information object address of each of the slave's objects, given or not.")},
+    [SLAVE_NAME_PREFIX] =
+	{"name_prefix", CONFIG_TEXT, .low = 0, .high = MAP_NAME_SIZE - 2,
+	 CONFIG_SAYS(
+	     "Put before each name that an object of the slave has, and before the names of status bits.",
+	     .pattern = "^[^\\u0000-\\u0020\\u007f*?\\[\\]\\\\]*$")},
+    [SLAVE_ID] = {"id", CONFIG_INTEGER, .required = true, .low = UNIT_BROADCAST, .high = MODBUS_UNIT_MAX,
+		  CONFIG_SAYS("Modbus address, once on a line. 0 is the broadcast: coils and "
+			      "holding_registers only, written and never read.")},
+    [SLAVE_TEMPLATE] = {MODBUS_KEY_TEMPLATE, CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1,
+			CONFIG_SAYS("Name of the template whose keys and objects the slave has; its own keys "
+				    "override those, its own objects are added.",
+				    .see = "configuration.md#templates",
+				    .json = CONFIG_JSON({"examples" : ["meter"]}))},
+    [SLAVE_OVERRIDES] = {"overrides", CONFIG_OBJECT,
+			 CONFIG_SAYS("By their names in the template: what its objects have differently "
+				     "here, an object of keys; null leaves one out.",
+				     .json = CONFIG_JSON({
+					     "maxProperties" : 256,
+					     "additionalProperties" : {"type" : [ "object", "null" ]},
+					     "examples" : [ {} ]
+				     }))},
 };
+CONFIG_SHARED_TABLE(modbus_slave_table, .name = "slave", .rules = slave_rules, .count = SLAVE_KEYS,
+		    .json = CONFIG_JSON({
+			    "if" : {"required" : ["id"], "properties" : {"id" : {"const" : 0}}},
+			    "then" : {
+				    "properties" : {
+					    "discrete_inputs" : {"maxItems" : 0},
+					    "input_registers" : {"maxItems" : 0},
+					    "period_ms" : false,
+					    "reaction_ms" : false,
+					    "pause_ms" : false,
+					    "max_bits" : false,
+					    "max_registers" : false,
+					    "holes" : false
+				    }
+			    }
+		    }));
+
+CONFIG_SHARED_TABLE(modbus_template_table, .name = "template", .rules = slave_rules,
+		    .count = SLAVE_OF_TEMPLATE, .like = &modbus_slave_table);
 
 /* On a TCP connection nobody is addressed with the broadcast, and 255 is its end itself. */
+static const struct config_rule tcp_id_rule = {
+    "id",
+    CONFIG_INTEGER,
+    .required = true,
+    .low = UNIT_BROADCAST + 1,
+    .high = UNIT_ITSELF,
+    CONFIG_SAYS("Unit identifier, once on a connection: 255 for the device itself, 1 to 247 behind a "
+		"gateway, or what the device's manual says; 248 to 254 are reserved. There is no broadcast.",
+		.json = CONFIG_JSON({"not" : {"minimum" : 248, "maximum" : 254}}))};
+CONFIG_SHARED_TABLE(modbus_tcp_slave_table, .name = "tcp_slave", .rules = slave_rules, .count = SLAVE_KEYS,
+		    .own = &tcp_id_rule, .like = &modbus_slave_table);
+
 static void rules_of_line(const struct modbus_port *line, struct config_rule rules[SLAVE_KEYS])
 {
 	memcpy(rules, slave_rules, sizeof(slave_rules));
-	if (!modbus_is_tcp(line))
-		return;
-	rules[SLAVE_ID].low = UNIT_BROADCAST + 1;
-	rules[SLAVE_ID].high = UNIT_ITSELF;
+	if (modbus_is_tcp(line))
+		rules[SLAVE_ID] = tcp_id_rule;
 }
 
 static void check_unit(struct modbus_loader *loader, const struct config_place *slave, int64_t unit)
@@ -231,13 +324,10 @@ static void check_template(struct modbus_loader *loader, struct config_template 
 	const struct config_place file = config_template_file(template, NULL);
 	const struct config_place templates = config_key_of(&file, CONFIG_KEY_TEMPLATES);
 	const struct config_place here = config_key_of(&templates, template->name);
-	struct config_rule rules[SLAVE_TEMPLATE];
-	struct config_value values[SLAVE_TEMPLATE];
+	struct config_value values[SLAVE_OF_TEMPLATE];
 	unsigned errors = loader->report->errors;
 
-	memcpy(rules, slave_rules, sizeof(rules));
-	rules[SLAVE_ID].required = false;
-	config_read_keys(loader->report, &here, template->json, rules, SLAVE_TEMPLATE, values);
+	config_read_keys(loader->report, &here, template->json, slave_rules, SLAVE_OF_TEMPLATE, values);
 	template->wrong = loader->report->errors != errors;
 }
 

@@ -17,6 +17,11 @@ struct rtud_loader {
 
 /* ---- config_file.c ----------------------------------------------------------------------- */
 
+#define CONFIG_FILE_KEYS_MAX 64 /* of the outermost object */
+
+/* The keys of the parts behind those of the file itself. Returns how many. */
+size_t config_file_rules(const struct config_part *const parts[], size_t part_count,
+			 struct config_rule rules[CONFIG_FILE_KEYS_MAX]);
 /* Takes the parts of all kinds. root: any JSON. False: no memory. */
 bool config_begin_file(struct rtud_loader *loader, const json_t *root);
 /* Fills the settings of all modules, then what the parts make of their keys. False: no memory. */

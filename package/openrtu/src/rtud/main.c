@@ -9,6 +9,7 @@
 
 #include "rtud/config.h"
 #include "rtud/plan.h"
+#include "rtud/schema.h"
 #include "rtud/scl.h"
 #include "rtud/supervise.h"
 
@@ -28,10 +29,16 @@ static const char usage[] =
     "  or:  rtud --plan FILE\n"
     "  or:  rtud --points FILE\n"
     "  or:  rtud --scl FILE\n"
+#if OPENRTU_SCHEMA
+    "  or:  rtud --schema\n"
+#endif
     "\n"
     "Runs the gateway that the configuration FILE describes. --check reports every error in FILE instead,\n"
     "or each line's shortest scan; --plan the same, with the requests to each device; --points lists every\n"
     "point, by common address and IOA; --scl describes the server of IEC 61850 for an engineer's tools.\n"
+#if OPENRTU_SCHEMA
+    "--schema prints the JSON Schema of such a FILE, for an editor.\n"
+#endif
     "\n"
     "  --csv            list as CSV, from which openrtu points makes a configuration   [the default]\n"
     "  --markdown       list as a table for an interoperability sheet\n"
@@ -58,6 +65,7 @@ struct arguments {
 	bool plan;
 	bool points;
 	bool scl, cid, edition_2;
+	bool schema;
 	enum config_list list;
 	bool help;
 	bool version;
@@ -98,6 +106,7 @@ static bool parse(int argc, char **argv, struct arguments *arguments)
 	    {"plan", no_argument, NULL, 'l'},
 	    {"points", no_argument, NULL, 't'},
 	    {"scl", no_argument, NULL, 's'},
+	    {"schema", no_argument, NULL, 'S'},
 	    {"cid", no_argument, NULL, 'i'},
 	    {"iid", no_argument, NULL, 'i'},
 	    {"edition", required_argument, NULL, 'e'},
@@ -157,6 +166,9 @@ static bool parse(int argc, char **argv, struct arguments *arguments)
 		case 'w':
 			arguments->supervise.watchdog = optarg;
 			break;
+		case 'S':
+			arguments->schema = true;
+			return true;
 		case 'h':
 			arguments->help = true;
 			return true;
@@ -226,6 +238,16 @@ static int print_scl(const struct arguments *arguments)
 #endif
 }
 
+static int print_schema(void)
+{
+#if OPENRTU_SCHEMA
+	return schema_print(stdout) ? CONFIG_GOOD : CONFIG_WRONG;
+#else
+	fputs("rtud: --schema needs -Dschema=true, which no board has\n", stderr);
+	return CONFIG_UNUSABLE;
+#endif
+}
+
 int main(int argc, char **argv)
 {
 	struct arguments arguments = {
@@ -248,6 +270,8 @@ int main(int argc, char **argv)
 		puts("rtud (OpenRTU) " OPENRTU_VERSION);
 		return 0;
 	}
+	if (arguments.schema)
+		return print_schema();
 	if (arguments.scl)
 		return print_scl(&arguments);
 	if (arguments.points)

@@ -8,12 +8,60 @@
 #include "config/address.h"
 #include "snmp/config.h"
 
-#define PORT_AGENT 161
-#define PORT_SINK  162
+#define ADDRESS_DEFAULT "0.0.0.0"
+#define STATION_DEFAULT "OpenRTU"
+#define KEYS_DEFAULT    "/data/openrtu/snmp.keys"
+#define STATE_DEFAULT   "/data/openrtu/snmp"
+#define PORT_AGENT      161
+#define PORT_SINK       162
 /* netSnmpPlaypen 104: no enterprise number is the project's yet. OPENRTU-MIB.txt has it too. */
 #define BASE "1.3.6.1.4.1.8072.9999.9999.104"
 
-static const struct config_rule file_rule = {.name = "snmp", .kind = CONFIG_OBJECT};
+enum { USER_NAME, USER_ROLE, USER_KEYS };
+static const char *const roles[] = {"viewer", "operator", "engineer", NULL};
+static const struct config_rule user_rules[USER_KEYS] = {
+    [USER_NAME] = {"name", CONFIG_TEXT, .required = true, .low = 1, .high = SNMP_NAME_SIZE - 1,
+		   CONFIG_SAYS("Its securityName.", .pattern = "^[^ \\u0000-\\u001f\\u007f]*$")},
+    [USER_ROLE] = {"role", CONFIG_CHOICE, .required = true, .choices = roles,
+		   CONFIG_SAYS("What it may: read (viewer), command besides (operator), all (engineer).")},
+};
+CONFIG_TABLE(user_table, .name = "snmp_user", .rules = user_rules, .count = USER_KEYS);
+
+enum {
+	SINK_NAME,
+	SINK_ADDRESS,
+	SINK_PORT,
+	SINK_USER,
+	SINK_KIND,
+	SINK_WINDOW,
+	SINK_TIMEOUT,
+	SINK_RETRIES,
+	SINK_KEYS
+};
+static const char *const sink_kinds[] = {"inform", "trap", NULL};
+static const struct config_rule sink_rules[SINK_KEYS] = {
+    [SINK_NAME] = {"name", CONFIG_TEXT, .required = true, .low = 1, .high = SNMP_NAME_SIZE - 1,
+		   CONFIG_SAYS("Its name, here and in the file of keys.",
+			       .pattern = "^[^ \\u0000-\\u001f\\u007f]*$")},
+    [SINK_ADDRESS] = {"address", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_ADDRESS_SIZE - 1,
+		      CONFIG_SAYS("Its IP address.", .json = CONFIG_JSON({"$ref" : "#/$defs/ip_address"}))},
+    [SINK_PORT] = {"port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = PORT_SINK,
+		   CONFIG_SAYS("Its UDP port.")},
+    [SINK_USER] = {"user", CONFIG_TEXT, .required = true, .low = 1, .high = SNMP_NAME_SIZE - 1,
+		   CONFIG_SAYS("As which of the users it is notified.",
+			       .pattern = "^[^ \\u0000-\\u001f\\u007f]*$",
+			       .json = CONFIG_JSON({"examples" : ["centre"]}))},
+    [SINK_KIND] = {"kind", CONFIG_CHOICE, .choices = sink_kinds,
+		   CONFIG_SAYS("Informs, which it confirms, or traps.")},
+    [SINK_WINDOW] = {"window", CONFIG_INTEGER, .low = 1, .high = SNMP_WINDOW_MAX, .fallback = 8,
+		     CONFIG_SAYS("Informs that may wait for their confirmation at a time.")},
+    [SINK_TIMEOUT] = {"timeout_ms", CONFIG_INTEGER, .low = 100, .high = 60000, .fallback = 1500,
+		      CONFIG_SAYS(
+			  "Milliseconds until an inform is sent again; twice as many with each try.")},
+    [SINK_RETRIES] = {"retries", CONFIG_INTEGER, .low = 0, .high = 10, .fallback = 4,
+		      CONFIG_SAYS("How often an inform is sent again before the sink counts as silent.")},
+};
+CONFIG_TABLE(sink_table, .name = "snmp_sink", .rules = sink_rules, .count = SINK_KEYS);
 
 enum {
 	SNMP_ADDRESS,
@@ -34,52 +82,54 @@ enum {
 	SNMP_KEYS
 };
 static const struct config_rule snmp_rules[SNMP_KEYS] = {
-    [SNMP_ADDRESS] = {"address", CONFIG_TEXT, .low = 1, .high = MAP_ADDRESS_SIZE - 1},
-    [SNMP_PORT] = {"port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = PORT_AGENT},
-    [SNMP_BASE] = {"base", CONFIG_TEXT, .low = 1, .high = 100},
-    [SNMP_STATION] = {"station", CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1},
-    [SNMP_CONTACT] = {"contact", CONFIG_TEXT, .low = 1, .high = SNMP_TEXT_SIZE - 1},
-    [SNMP_LOCATION] = {"location", CONFIG_TEXT, .low = 1, .high = SNMP_TEXT_SIZE - 1},
-    [SNMP_KEYS_FILE] = {"keys", CONFIG_TEXT, .low = 1, .high = MAP_FILE_SIZE - 1},
-    [SNMP_STATE] = {"state", CONFIG_TEXT, .low = 1, .high = MAP_FILE_SIZE - 1},
-    [SNMP_MANAGERS] = {"managers", CONFIG_ARRAY, .high = SNMP_MANAGERS_MAX},
-    [SNMP_CLOCK_MASTERS] = {"clock_masters", CONFIG_ARRAY, .high = SNMP_MANAGERS_MAX},
-    [SNMP_MAX_MESSAGE] = {"max_message", CONFIG_INTEGER, .low = 484, .high = 65507, .fallback = 1472},
-    [SNMP_RATE] = {"rate", CONFIG_INTEGER, .low = 1, .high = 100000, .fallback = 500},
-    [SNMP_RELEASE] = {"release_time", CONFIG_INTEGER, .low = 1, .high = 3600, .fallback = 60},
-    [SNMP_USERS] = {"users", CONFIG_ARRAY, .required = true, .high = SNMP_USERS_MAX},
-    [SNMP_SINKS] = {"sinks", CONFIG_ARRAY, .high = SNMP_SINKS_MAX},
+    [SNMP_ADDRESS] = {"address", CONFIG_TEXT, .low = 1, .high = MAP_ADDRESS_SIZE - 1,
+		      CONFIG_SAYS("IP address that it listens on.", .otherwise_text = ADDRESS_DEFAULT,
+				  .json = CONFIG_JSON({"$ref" : "#/$defs/ip_address"}))},
+    [SNMP_PORT] = {"port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = PORT_AGENT,
+		   CONFIG_SAYS("UDP port.")},
+    [SNMP_BASE] = {"base", CONFIG_TEXT, .low = 1, .high = 100,
+		   CONFIG_SAYS("Place of OPENRTU-MIB, below enterprises.", .otherwise_text = BASE,
+			       .pattern = "^1\\.3\\.6\\.1\\.4\\.1(\\.[0-9]+){1,10}$")},
+    [SNMP_STATION] = {"station", CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1,
+		      CONFIG_SAYS("Name of the station: rtuStationName and sysName.",
+				  .otherwise_text = STATION_DEFAULT)},
+    [SNMP_CONTACT] = {"contact", CONFIG_TEXT, .low = 1, .high = SNMP_TEXT_SIZE - 1,
+		      CONFIG_SAYS("Who is responsible for the gateway: sysContact.")},
+    [SNMP_LOCATION] = {"location", CONFIG_TEXT, .low = 1, .high = SNMP_TEXT_SIZE - 1,
+		       CONFIG_SAYS("Where it is: sysLocation.")},
+    [SNMP_KEYS_FILE] = {"keys", CONFIG_TEXT, .low = 1, .high = MAP_FILE_SIZE - 1,
+			CONFIG_SAYS("File of the localized keys that openrtu snmp-keys has made.",
+				    .otherwise_text = KEYS_DEFAULT,
+				    .pattern = "^/[^\\u0000-\\u001f\\u007f]*$")},
+    [SNMP_STATE] = {"state", CONFIG_TEXT, .low = 1, .high = MAP_FILE_SIZE - 1,
+		    CONFIG_SAYS("Folder for the number of boots, which has to outlive a power cut.",
+				.otherwise_text = STATE_DEFAULT, .pattern = "^/[^\\u0000-\\u001f\\u007f]*$")},
+    [SNMP_MANAGERS] = {"managers", CONFIG_ARRAY, .high = SNMP_MANAGERS_MAX,
+		       CONFIG_SAYS("IP addresses that are answered; not given: all are.",
+				   .json = CONFIG_JSON({"items" : {"$ref" : "#/$defs/ip_address"}}))},
+    [SNMP_CLOCK_MASTERS] =
+	{"clock_masters", CONFIG_ARRAY, .high = SNMP_MANAGERS_MAX,
+	 CONFIG_SAYS("IP addresses of the managers that may set the clock; not given: all operators may.",
+		     .json = CONFIG_JSON({"items" : {"$ref" : "#/$defs/ip_address"}}))},
+    [SNMP_MAX_MESSAGE] = {"max_message", CONFIG_INTEGER, .low = 484, .high = 65507, .fallback = 1472,
+			  CONFIG_SAYS("Octets of the longest message that it sends.")},
+    [SNMP_RATE] = {"rate", CONFIG_INTEGER, .low = 1, .high = 100000, .fallback = 500,
+		   CONFIG_SAYS("Messages a second from one address; what is beyond is dropped and counted.")},
+    [SNMP_RELEASE] = {"release_time", CONFIG_INTEGER, .low = 1, .high = 3600, .fallback = 60,
+		      CONFIG_SAYS("Seconds after which the agent makes a command inactive that a manager has "
+				  "left in a last state.",
+				  .unit = "s")},
+    [SNMP_USERS] = {"users", CONFIG_ARRAY, .required = true, .high = SNMP_USERS_MAX,
+		    CONFIG_SAYS("Who may ask.", .table = &user_table, .json = CONFIG_JSON({"minItems" : 1}))},
+    [SNMP_SINKS] = {"sinks", CONFIG_ARRAY, .high = SNMP_SINKS_MAX,
+		    CONFIG_SAYS("Who is notified.", .table = &sink_table)},
 };
+CONFIG_TABLE(agent_table, .name = "snmp", .rules = snmp_rules, .count = SNMP_KEYS);
 
-enum { USER_NAME, USER_ROLE, USER_KEYS };
-static const char *const roles[] = {"viewer", "operator", "engineer", NULL};
-static const struct config_rule user_rules[USER_KEYS] = {
-    [USER_NAME] = {"name", CONFIG_TEXT, .required = true, .low = 1, .high = SNMP_NAME_SIZE - 1},
-    [USER_ROLE] = {"role", CONFIG_CHOICE, .required = true, .choices = roles},
-};
-
-enum {
-	SINK_NAME,
-	SINK_ADDRESS,
-	SINK_PORT,
-	SINK_USER,
-	SINK_KIND,
-	SINK_WINDOW,
-	SINK_TIMEOUT,
-	SINK_RETRIES,
-	SINK_KEYS
-};
-static const char *const sink_kinds[] = {"inform", "trap", NULL};
-static const struct config_rule sink_rules[SINK_KEYS] = {
-    [SINK_NAME] = {"name", CONFIG_TEXT, .required = true, .low = 1, .high = SNMP_NAME_SIZE - 1},
-    [SINK_ADDRESS] = {"address", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_ADDRESS_SIZE - 1},
-    [SINK_PORT] = {"port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = PORT_SINK},
-    [SINK_USER] = {"user", CONFIG_TEXT, .required = true, .low = 1, .high = SNMP_NAME_SIZE - 1},
-    [SINK_KIND] = {"kind", CONFIG_CHOICE, .choices = sink_kinds},
-    [SINK_WINDOW] = {"window", CONFIG_INTEGER, .low = 1, .high = SNMP_WINDOW_MAX, .fallback = 8},
-    [SINK_TIMEOUT] = {"timeout_ms", CONFIG_INTEGER, .low = 100, .high = 60000, .fallback = 1500},
-    [SINK_RETRIES] = {"retries", CONFIG_INTEGER, .low = 0, .high = 10, .fallback = 4},
-};
+static const struct config_rule file_rule = {
+    .name = "snmp",
+    .kind = CONFIG_OBJECT,
+    CONFIG_SAYS("The agent of SNMPv3: rtu-snmp.", .table = &agent_table)};
 
 /* ---- texts ------------------------------------------------------------------------------- */
 
@@ -246,16 +296,15 @@ static void read_settings(struct config_loader *loader, const struct config_plac
 	settings->max_message = (uint32_t)values[SNMP_MAX_MESSAGE].integer;
 	settings->rate = (uint32_t)values[SNMP_RATE].integer;
 	settings->release_s = (uint32_t)values[SNMP_RELEASE].integer;
-	copy(settings->station, sizeof(settings->station), &values[SNMP_STATION], "OpenRTU");
+	copy(settings->station, sizeof(settings->station), &values[SNMP_STATION], STATION_DEFAULT);
 	copy(settings->contact, sizeof(settings->contact), &values[SNMP_CONTACT], "");
 	copy(settings->location, sizeof(settings->location), &values[SNMP_LOCATION], "");
-	read_path(loader, place, SNMP_KEYS_FILE, &values[SNMP_KEYS_FILE], "/data/openrtu/snmp.keys",
-		  settings->keys);
-	read_path(loader, place, SNMP_STATE, &values[SNMP_STATE], "/data/openrtu/snmp", settings->state);
+	read_path(loader, place, SNMP_KEYS_FILE, &values[SNMP_KEYS_FILE], KEYS_DEFAULT, settings->keys);
+	read_path(loader, place, SNMP_STATE, &values[SNMP_STATE], STATE_DEFAULT, settings->state);
 	read_base(loader, place, &values[SNMP_BASE], settings);
 	if (!values[SNMP_ADDRESS].wrong)
 		config_read_address(&loader->report, &address,
-				    values[SNMP_ADDRESS].given ? values[SNMP_ADDRESS].text : "0.0.0.0",
+				    values[SNMP_ADDRESS].given ? values[SNMP_ADDRESS].text : ADDRESS_DEFAULT,
 				    settings->address);
 	if (values[SNMP_MANAGERS].given)
 		settings->manager_count = config_read_addresses(

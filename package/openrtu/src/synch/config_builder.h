@@ -38,4 +38,7 @@ void synch_read_net(struct synch_builder *builder, const struct config_place *pl
 /* What no module fires. When all is read. */
 void synch_check_fired(struct synch_builder *builder, const struct config_place *place);
 
+/* Of "net". */
+extern const struct config_table synch_net_table;
+
 #endif

@@ -6,38 +6,96 @@
 
 #define TOKENS_MAX 1000 /* at the start, and of a capacity */
 
-enum { NET_PLACES, NET_TRANSITIONS, NET_ARCS, NET_MODULES, NET_KEYS };
-static const struct config_rule net_rules[NET_KEYS] = {
-    [NET_PLACES] = {"places", CONFIG_ARRAY, .high = SYNCH_PLACES_MAX},
-    [NET_TRANSITIONS] = {"transitions", CONFIG_ARRAY, .high = SYNCH_TRANSITIONS_MAX},
-    [NET_ARCS] = {"arcs", CONFIG_ARRAY, .high = SYNCH_ARCS_MAX},
-    [NET_MODULES] = {"modules", CONFIG_ARRAY, .high = SYNCH_PARTICIPANTS_MAX},
-};
-
 enum { PLACE_NAME, PLACE_TOKENS, PLACE_CAPACITY, PLACE_KEYS };
 static const struct config_rule place_rules[PLACE_KEYS] = {
-    [PLACE_NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .required = true, .low = 1, .high = MAP_NAME_SIZE - 1},
-    [PLACE_TOKENS] = {"tokens", CONFIG_INTEGER, .low = 0, .high = TOKENS_MAX},
-    [PLACE_CAPACITY] = {"capacity", CONFIG_INTEGER, .low = 1, .high = TOKENS_MAX},
+    [PLACE_NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .required = true, .low = 1, .high = MAP_NAME_SIZE - 1,
+		    CONFIG_SAYS(
+			"Name, of letters, digits, `-`, `_` and `.`, which no other place or transition has.",
+			.pattern = "^[A-Za-z0-9._-]*$")},
+    [PLACE_TOKENS] = {"tokens", CONFIG_INTEGER, .low = 0, .high = TOKENS_MAX,
+		      CONFIG_SAYS("Tokens in it at the start.")},
+    [PLACE_CAPACITY] =
+	{"capacity", CONFIG_INTEGER, .low = 1, .high = TOKENS_MAX,
+	 CONFIG_SAYS("Tokens that it can hold; further ones are lost, and counted. Without it, 65534.")},
 };
+CONFIG_TABLE(net_place_table, .name = "net_place", .rules = place_rules, .count = PLACE_KEYS);
+
+enum { POINT_NAME, POINT_TRANSITION, POINT_KEYS };
+static const struct config_rule point_rules[POINT_KEYS] = {
+    [POINT_NAME] =
+	{CONFIG_KEY_NAME, CONFIG_TEXT, .required = true, .low = 1, .high = MAP_NAME_SIZE - 1,
+	 CONFIG_SAYS(
+	     "Name by which the module fires it, once in the module, of letters, digits, `-`, `_` and `.`.",
+	     .pattern = "^[A-Za-z0-9._-]*$")},
+    [POINT_TRANSITION] = {"transition", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_NAME_SIZE - 1,
+			  CONFIG_SAYS("Transition that it fires.",
+				      .json = CONFIG_JSON({"examples" : ["half"]}))},
+};
+CONFIG_TABLE(net_point_table, .name = "net_point", .rules = point_rules, .count = POINT_KEYS);
 
 static const char *const deaths[] = {
     [SYNCH_RETURN] = "return", [SYNCH_HOLD] = "hold", [SYNCH_FIRE] = "fire", NULL};
 
 enum { MODULE_NAME, MODULE_BEGIN, MODULE_END, MODULE_POINTS, MODULE_DEATH, MODULE_KEYS };
 static const struct config_rule module_rules[MODULE_KEYS] = {
-    [MODULE_NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .required = true, .low = 1, .high = MAP_NAME_SIZE - 1},
-    [MODULE_BEGIN] = {"scan_begin", CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1},
-    [MODULE_END] = {"scan_end", CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1},
-    [MODULE_POINTS] = {"points", CONFIG_ARRAY, .high = SYNCH_POINTS_MAX},
-    [MODULE_DEATH] = {"on_death", CONFIG_CHOICE, .choices = deaths, .fallback = SYNCH_RETURN},
+    [MODULE_NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .required = true, .low = 1, .high = MAP_NAME_SIZE - 1,
+		     CONFIG_SAYS("Name of a module, of a program of logic, or of a line, as `line1`.",
+				 .json = CONFIG_JSON({"examples" : ["mixer"]}))},
+    [MODULE_BEGIN] = {"scan_begin", CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1,
+		      CONFIG_SAYS(
+			  "Transition that each of its scans fires to begin, and waits for. Not for a line.",
+			  .json = CONFIG_JSON({"examples" : ["begin"]}))},
+    [MODULE_END] = {"scan_end", CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1,
+		    CONFIG_SAYS("Transition that each of its scans fires when its outputs are published.",
+				.json = CONFIG_JSON({"examples" : ["end"]}))},
+    [MODULE_POINTS] =
+	{"points", CONFIG_ARRAY, .high = SYNCH_POINTS_MAX,
+	 CONFIG_SAYS("Synchronisation points, which the module fires by name within a scan. Not for a line.",
+		     .table = &net_point_table,
+		     .json = CONFIG_JSON({"examples" : [[ {"name" : "p", "transition" : "half"} ]]}))},
+    [MODULE_DEATH] = {"on_death", CONFIG_CHOICE, .choices = deaths, .fallback = SYNCH_RETURN,
+		      CONFIG_SAYS(
+			  "What becomes of the tokens of its scan when it dies or hangs: they return, are "
+			  "held for its next process, or its `scan_end` fires. Not for a line.")},
 };
+CONFIG_TABLE(net_module_table, .name = "net_module", .rules = module_rules, .count = MODULE_KEYS);
 
-enum { POINT_NAME, POINT_TRANSITION, POINT_KEYS };
-static const struct config_rule point_rules[POINT_KEYS] = {
-    [POINT_NAME] = {CONFIG_KEY_NAME, CONFIG_TEXT, .required = true, .low = 1, .high = MAP_NAME_SIZE - 1},
-    [POINT_TRANSITION] = {"transition", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_NAME_SIZE - 1},
+enum { NET_PLACES, NET_TRANSITIONS, NET_ARCS, NET_MODULES, NET_KEYS };
+static const struct config_rule net_rules[NET_KEYS] = {
+    [NET_PLACES] = {"places", CONFIG_ARRAY, .high = SYNCH_PLACES_MAX,
+		    CONFIG_SAYS("Where tokens lie, at most 64.", .table = &net_place_table,
+				.json =
+				    CONFIG_JSON({"examples" : [ [], [ {"name" : "free", "tokens" : 2} ] ]}))},
+    [NET_TRANSITIONS] = {"transitions", CONFIG_ARRAY, .high = SYNCH_TRANSITIONS_MAX,
+			 CONFIG_SAYS("Names of what modules fire, at most 64, each of letters, digits, `-`, "
+				     "`_` and `.`. Each is fired by one `scan_begin`, `scan_end` or point.",
+				     .json = CONFIG_JSON({
+					     "items" : {
+						     "type" : "string",
+						     "minLength" : 1,
+						     "maxLength" : 39,
+						     "pattern" : "^[A-Za-z0-9._-]*$"
+					     },
+					     "examples" : [[ "begin", "end", "half" ]]
+				     }))},
+    [NET_ARCS] =
+	{"arcs", CONFIG_ARRAY, .high = SYNCH_ARCS_MAX,
+	 CONFIG_SAYS(
+	     "Arrows from a place to a transition or back, at most 512, with weights from 1 to 255. The "
+	     "weight 0 from a place to a transition: it fires only while the place is empty.",
+	     .json = CONFIG_JSON({
+		     "items" : {
+			     "type" : "string",
+			     "pattern" :
+				 "^ *[A-Za-z0-9._-]{1,39} +(-\\([0-9]{1,3}\\))?-> +[A-Za-z0-9._-]{1,39} *$"
+		     },
+		     "examples" : [ [], [ "free -> begin", "end -(3)-> free" ], ["free -(0)-> half"] ]
+	     }))},
+    [NET_MODULES] = {"modules", CONFIG_ARRAY, .high = SYNCH_PARTICIPANTS_MAX,
+		     CONFIG_SAYS("What scans fire, and what becomes of a module's tokens when it dies.",
+				 .table = &net_module_table, .json = CONFIG_JSON({"examples" : [[]]}))},
 };
+CONFIG_SHARED_TABLE(synch_net_table, .name = "net", .rules = net_rules, .count = NET_KEYS);
 
 /* ---- places, transitions, arcs ----------------------------------------------------------- */
 

@@ -8,9 +8,29 @@
 
 enum { FILE_SYNCH, FILE_START, FILE_NET, FILE_KEYS };
 static const struct config_rule file_rules[FILE_KEYS] = {
-    [FILE_SYNCH] = {"synch", CONFIG_ARRAY, .high = SYNCH_PLACES_MAX},
-    [FILE_START] = {"start", CONFIG_ARRAY, .high = SYNCH_PARTICIPANTS_MAX},
-    [FILE_NET] = {"net", CONFIG_OBJECT},
+    [FILE_SYNCH] =
+	{"synch", CONFIG_ARRAY, .high = SYNCH_PLACES_MAX,
+	 CONFIG_SAYS(
+	     "Who scans when others have, as arrows between lines, programs and modules.",
+	     .see = "configuration.md#the-net",
+	     .json = CONFIG_JSON({
+		     "items" : {
+			     "type" : "string",
+			     "pattern" :
+				 "^ *[A-Za-z0-9._-]{1,39} +(-\\([0-9]{1,3}\\))?-> +[A-Za-z0-9._-]{1,39} *$"
+		     },
+		     "examples" : [ [], ["line3 -> mixer"], ["line3 -(2)-> mixer"] ]
+	     }))},
+    [FILE_START] = {"start", CONFIG_ARRAY, .high = SYNCH_PARTICIPANTS_MAX,
+		    CONFIG_SAYS("Of those that arrows lead to, who scans once without waiting.",
+				.see = "configuration.md#the-net",
+				.json = CONFIG_JSON({
+					"items" : {"type" : "string", "minLength" : 1},
+					"examples" : [ [], ["mixer"] ]
+				}))},
+    [FILE_NET] = {"net", CONFIG_OBJECT,
+		  CONFIG_SAYS("The same as a Petri net, in which more can be said.",
+			      .table = &synch_net_table, .json = CONFIG_JSON({"examples" : [ {} ]}))},
 };
 
 struct own {

@@ -10,7 +10,9 @@
 #include "map/address.h"
 #include "web/config.h"
 
-static const struct config_rule file_rule = {.name = "web", .kind = CONFIG_OBJECT};
+#define ADDRESS_DEFAULT "127.0.0.1"
+#define STATION_DEFAULT "OpenRTU"
+#define USERS_DEFAULT   "/data/openrtu/web.users"
 
 enum {
 	WEB_ADDRESS,
@@ -25,16 +27,41 @@ enum {
 	WEB_KEYS
 };
 static const struct config_rule rules[WEB_KEYS] = {
-    [WEB_ADDRESS] = {"address", CONFIG_TEXT, .low = 1, .high = MAP_ADDRESS_SIZE - 1},
-    [WEB_PORT] = {"port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = 8080},
-    [WEB_CLIENTS] = {"clients", CONFIG_ARRAY, .high = WEB_CLIENTS_MAX},
-    [WEB_STATION] = {"station", CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1},
-    [WEB_USERS] = {"users", CONFIG_TEXT, .low = 1, .high = MAP_FILE_SIZE - 1},
-    [WEB_CERTIFICATE] = {"certificate", CONFIG_TEXT, .low = 1, .high = MAP_FILE_SIZE - 1},
-    [WEB_KEY] = {"key", CONFIG_TEXT, .low = 1, .high = MAP_FILE_SIZE - 1},
-    [WEB_SESSION] = {"session_time", CONFIG_INTEGER, .low = 60, .high = 86400, .fallback = 28800},
-    [WEB_COMMANDS] = {"commands", CONFIG_BOOLEAN},
+    [WEB_ADDRESS] = {"address", CONFIG_TEXT, .low = 1, .high = MAP_ADDRESS_SIZE - 1,
+		     CONFIG_SAYS("IP address that it listens on. Without TLS, 127.0.0.1 or ::1 alone.",
+				 .otherwise_text = ADDRESS_DEFAULT,
+				 .json = CONFIG_JSON({"$ref" : "#/$defs/ip_address"}))},
+    [WEB_PORT] = {"port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = 8080,
+		  CONFIG_SAYS("TCP port.")},
+    [WEB_CLIENTS] = {"clients", CONFIG_ARRAY, .high = WEB_CLIENTS_MAX,
+		     CONFIG_SAYS("IP addresses that may connect; not given: all may.",
+				 .json = CONFIG_JSON({"items" : {"$ref" : "#/$defs/ip_address"}}))},
+    [WEB_STATION] = {"station", CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1,
+		     CONFIG_SAYS("Name of the station, in the page's head.",
+				 .otherwise_text = STATION_DEFAULT)},
+    [WEB_USERS] = {"users", CONFIG_TEXT, .low = 1, .high = MAP_FILE_SIZE - 1,
+		   CONFIG_SAYS("File of the users that openrtu web-users has made.",
+			       .otherwise_text = USERS_DEFAULT, .pattern = "^/[^\\u0000-\\u001f\\u007f]*$")},
+    [WEB_CERTIFICATE] =
+	{"certificate", CONFIG_TEXT, .low = 1, .high = MAP_FILE_SIZE - 1,
+	 CONFIG_SAYS("Absolute path of its certificate, PEM, with those that lead from it to the CA: TLS.",
+		     .pattern = "^/[^\\u0000-\\u001f\\u007f]*$")},
+    [WEB_KEY] = {"key", CONFIG_TEXT, .low = 1, .high = MAP_FILE_SIZE - 1,
+		 CONFIG_SAYS("Absolute path of its key, PEM without a passphrase. Only rtu-web's user, or "
+			     "its group, may read it.",
+			     .pattern = "^/[^\\u0000-\\u001f\\u007f]*$")},
+    [WEB_SESSION] = {"session_time", CONFIG_INTEGER, .low = 60, .high = 86400, .fallback = 28800,
+		     CONFIG_SAYS("Seconds after which a user has to log in again.", .unit = "s")},
+    [WEB_COMMANDS] =
+	{"commands", CONFIG_BOOLEAN,
+	 CONFIG_SAYS(
+	     "Whether operators and engineers may command points; without it, the page is read-only.")},
 };
+CONFIG_TABLE(web_table, .name = "web", .rules = rules, .count = WEB_KEYS,
+	     .json = CONFIG_JSON({"dependentRequired" : {"certificate" : ["key"], "key" : ["certificate"]}}));
+
+static const struct config_rule file_rule = {
+    .name = "web", .kind = CONFIG_OBJECT, CONFIG_SAYS("A page for a browser: rtu-web.", .table = &web_table)};
 
 static void read_path(struct config_loader *loader, const struct config_place *web, unsigned key,
 		      const struct config_value *value, const char *fallback, char out[MAP_FILE_SIZE])
@@ -79,13 +106,13 @@ static void read_settings(struct config_loader *loader, const struct config_plac
 	settings->session_s = (uint32_t)values[WEB_SESSION].integer;
 	settings->commands = values[WEB_COMMANDS].integer != 0;
 	snprintf(settings->station, sizeof(settings->station), "%s",
-		 values[WEB_STATION].given ? values[WEB_STATION].text : "OpenRTU");
-	read_path(loader, place, WEB_USERS, &values[WEB_USERS], "/data/openrtu/web.users", settings->users);
+		 values[WEB_STATION].given ? values[WEB_STATION].text : STATION_DEFAULT);
+	read_path(loader, place, WEB_USERS, &values[WEB_USERS], USERS_DEFAULT, settings->users);
 	read_path(loader, place, WEB_CERTIFICATE, &values[WEB_CERTIFICATE], "", settings->certificate);
 	read_path(loader, place, WEB_KEY, &values[WEB_KEY], "", settings->key);
 	if (!values[WEB_ADDRESS].wrong)
 		config_read_address(&loader->report, &address,
-				    values[WEB_ADDRESS].given ? values[WEB_ADDRESS].text : "127.0.0.1",
+				    values[WEB_ADDRESS].given ? values[WEB_ADDRESS].text : ADDRESS_DEFAULT,
 				    settings->address);
 	if (values[WEB_CLIENTS].given)
 		settings->client_count = config_read_addresses(&loader->report, &clients,

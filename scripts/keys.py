@@ -1,0 +1,161 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Writes what is made of the rules of the configuration: the JSON Schema, which rtud --schema prints, and
+from it the tables of docs/configuration.md. A table stands below a comment that names it:
+
+    <!-- keys: slave -->            all keys of this definition of the schema, the outermost object being file
+    <!-- keys: tcp_slave.id -->     one of them; several words, one after the other
+
+With --check it writes nothing, prints what is old, and exits with 1."""
+
+import argparse
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+SCHEMA = "package/openrtu/src/rtud/config.schema.json"
+PAGE = "docs/configuration.md"
+FILE = "file"
+HEAD = "| key | values | default | meaning |\n|---|---|---|---|\n"
+TABLE = re.compile(r"(<!-- keys: ([\w. ]+) -->\n\n)(?:\|.*\n)*")
+SHOWN = 6  # values of a choice of numbers
+ENDLESS = 3e38  # beyond it a bound is that of a float
+
+Rule = dict[str, Any]
+
+
+class Keys:
+    """A schema, by the names of its definitions."""
+
+    def __init__(self, text: str) -> None:
+        self.schema: Rule = json.loads(text)
+        self.anchors: dict[str, str] = {}  # of the definitions that the page has a table of
+
+    def definition(self, name: str) -> Rule:
+        return self.schema if name == FILE else self.schema["$defs"][name]
+
+    def resolved(self, rule: Rule) -> Rule:
+        """With what it refers to, if that is another key, or a form of texts."""
+        reference = rule.get("$ref", "")
+        target = self.schema
+        for step in reference.removeprefix("#/").split("/"):
+            target = target.get(step, {})
+        return rule if "properties" in target or not reference else self.resolved(target) | rule
+
+    def cells(self, word: str) -> Iterator[tuple[str, str, str, str]]:
+        name, _, only = word.partition(".")
+        definition = self.definition(name)
+        required = definition.get("required", [])
+        for key, rule in sorted(definition["properties"].items(), key=lambda item: item[0] not in required):
+            if only in ("", key):
+                rule = self.resolved(rule)
+                yield key, self.values(rule), default(rule, key in required), meaning(rule)
+
+    def values(self, rule: Rule) -> str:
+        if "anyOf" in rule and {"format": "ipv4"} in rule["anyOf"]:
+            return "IP address"
+        if "enum" in rule:
+            return choices(rule["enum"])
+        if rule["type"] == "string":
+            return f"{span(rule['minLength'], rule['maxLength'])} bytes"
+        if rule["type"] in ("array", "object"):
+            return self.nested(rule)
+        return "`true`, `false`" if rule["type"] == "boolean" else number(rule)
+
+    def nested(self, rule: Rule) -> str:
+        words = rule.get("items", {}).get("enum")
+        anchor = self.anchor(rule)
+        text = rule["type"] + (f" of {choices(words)}" if words else "")
+        return f"[{text}](#{anchor})" if anchor else text
+
+    def anchor(self, rule: Rule) -> str:
+        """Of the table of its elements: the last of several forms."""
+        found = ""
+        for name in re.findall(r'"#/\$defs/(\w+)"', json.dumps(rule)):
+            found = self.anchors.get(name) or self.anchor(self.definition(name)) or found
+        return found
+
+
+def span(low: float, high: float) -> str:
+    return f"{low:.15g}" if low == high else f"{low:.15g} … {high:.15g}"
+
+
+def choices(values: list[str | int]) -> str:
+    shown = [f"`{value}`" if isinstance(value, str) else str(value) for value in values]
+    if len(shown) > SHOWN and isinstance(values[0], int):
+        return f"{shown[0]}, {shown[1]}, … {shown[-1]}"
+    return ", ".join(shown)
+
+
+def number(rule: Rule) -> str:
+    if rule.get("exclusiveMinimum") == 0:
+        return "number > 0"
+    if rule["maximum"] > ENDLESS:
+        return "number ≥ 0" if rule["minimum"] == 0 else "number"
+    unit = rule.get("x-unit")
+    return span(rule["minimum"], rule["maximum"]) + (f" {unit}" if unit else "")
+
+
+def default(rule: Rule, required: bool) -> str:
+    value = rule.get("default")
+    if required:
+        return "required"
+    if isinstance(value, str):
+        return f"`{value}`"
+    if isinstance(value, float):
+        return f"{value:.15g}"
+    return "none" if value is None else json.dumps(value)
+
+
+def meaning(rule: Rule) -> str:
+    see = rule.get("$comment")
+    more = f" [More]({see.removeprefix(Path(PAGE).name)})." if see else ""
+    return (rule["description"] + more).replace("|", "\\|")
+
+
+def slug(heading: str) -> str:
+    """As GitHub and the site make an anchor of it."""
+    return re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-")
+
+
+def page(keys: Keys, text: str) -> str:
+    heading = ""
+    for line in text.splitlines():
+        if line.startswith("#"):
+            heading = slug(line.lstrip("# "))
+        if match := re.fullmatch(r"<!-- keys: ([\w. ]+) -->", line):
+            keys.anchors |= {name: heading for name in match[1].split() if "." not in name}
+
+    def table(match: re.Match[str]) -> str:
+        rows = (cells for word in match[2].split() for cells in keys.cells(word))
+        lines = (f"| `{key}` | {' | '.join(others)} |\n" for key, *others in rows)
+        return match[1] + HEAD + "".join(lines)
+
+    return TABLE.sub(table, text)
+
+
+def main() -> int:
+    words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    words.add_argument("--check", action="store_true", help="write nothing")
+    words.add_argument("rtud", type=Path, help="built with -Dschema=true")
+    words.add_argument("tree", nargs="?", default=".", type=Path)
+    given = words.parse_args()
+    run = subprocess.run([given.rtud, "--schema"], capture_output=True, text=True, check=False)
+    if run.returncode != 0:
+        print(run.stderr, end="", file=sys.stderr)
+        return 2
+    made = {SCHEMA: run.stdout, PAGE: page(Keys(run.stdout), (given.tree / PAGE).read_text(encoding="utf-8"))}
+    old = [path for path, text in made.items() if (given.tree / path).read_text(encoding="utf-8") != text]
+    for path in old:
+        print(path)
+        if not given.check:
+            (given.tree / path).write_text(made[path], encoding="utf-8")
+    return 1 if given.check and old else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
