@@ -36,6 +36,7 @@ ON_BOARD = (  # the gateway there
 NETBOOT = "test-netboot tests/twin/test_uboot.py test-linux test-bench"  # who boots over the debug UART
 TREE = "tests/test_tree.py"  # it reads every file
 CODES = "tests/test_codes.py tests/test_codes_added.py"  # what is made from C's numbers
+KEYS = "tests/test_key_added.py"  # what is made of the rules of the configuration
 PIP = "lint tests/test_pip_install.py tests/test_tools_mistakes.py"
 SITE = "tests/test_pages.py tests/centre/test_pages_site.py"
 ALL = f"{C} fuzzers test-sanitizers {' '.join(TARGETS.values())}"
@@ -50,8 +51,8 @@ REACH = [
     ("scripts/site-source.py", f"lint {SITE}"),
     ("docs/site/*", SITE),
     ("docs/security.md", "tests/test_entrances.py"),
-    ("docs/configuration.md", f"tests/test_config.py {CODES}"),
-    ("docs/development.md", "tests/test_codes_added.py"),
+    ("docs/configuration.md", f"tests/test_config.py {CODES} {KEYS}"),
+    ("docs/development.md", f"tests/test_codes_added.py {KEYS}"),
     ("docs/first-device.md", "tests/test_docs_commands.py"),
     (
         "docs/examples/first-device.json",
@@ -152,6 +153,7 @@ REACH = [
         " tests/test_reload_settings.py tests/test_synch.py tests/test_docs_commands.py"
         " tests/test_event_journal.py tests/test_many_modules.py",
     ),
+    ("scripts/keys.py", f"lint tests/test_config.py tests/test_codes_added.py {KEYS}"),
     ("scripts/block-plots.py", "lint tests/test_logic_blocks.py"),
     ("scripts/openrtu_tools/points.py", f"{PIP} tests/test_points.py tests/test_config.py"),
     ("scripts/openrtu_tools/codes.py", f"{PIP} test-centre {CODES} tests/test_logic*.py tests/test_snmp.py"),
