@@ -11,6 +11,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 SRC     := package/openrtu/src
 LINESIM := tests/linesim
+PLANT   := tests/plant
 BENCH   := tests/bench
 PYTHON  := .venv/bin/python
 LOGGED  := @scripts/logged.sh

@@ -4,9 +4,10 @@
 # Against hangs only: under qemu-arm on a busy host a test of 2 s has taken 120.
 MESON_TEST = meson test --no-rebuild --print-errorlogs --timeout-multiplier 20
 
-build: build/native/build.ninja build/linesim/build.ninja ## Build: the gateway for this machine, and the simulated devices
+build: build/native/build.ninja build/linesim/build.ninja build/plant/build.ninja ## Build: the gateway for this machine, and what simulates its devices and its time
 	$(LOGGED) native ninja -C build/native
 	$(LOGGED) linesim ninja -C build/linesim
+	$(LOGGED) plant ninja -C build/plant
 
 .PHONY: .compared
 .compared: build/bench/build.ninja
@@ -93,6 +94,9 @@ build/sysroot.ini: | $(PACKAGES) $(SYSROOT)
 
 build/linesim/build.ninja: | $(PACKAGES)
 	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(LINESIM)
+
+build/plant/build.ninja: | $(PACKAGES)
+	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(PLANT)
 
 build/bench/build.ninja: | $(PACKAGES) build/packages-tests.done
 	$(LOGGED) $(notdir $(@D))-setup meson setup $(@D) $(BENCH)

@@ -4,7 +4,7 @@
 PROBES      = tests/twin/probes
 PAYLOAD     = tests/netboot/payload
 PROGRAMS    = tests/linux/programs
-C_FILES     = $(shell find $(SRC) $(LINESIM) $(BENCH) $(PROBES) $(PAYLOAD) $(PROGRAMS) -name '*.[ch]')
+C_FILES     = $(shell find $(SRC) $(LINESIM) $(PLANT) $(BENCH) $(PROBES) $(PAYLOAD) $(PROGRAMS) -name '*.[ch]')
 # Once more with the modules built under AddressSanitizer and UBSan.
 UNDER_SANITIZERS = tests/test_gateway.py tests/test_lines.py tests/test_event_journal.py $(wildcard tests/test_station_*.py)
 SHELL_FILES = .ci/run scripts/openrtu scripts/nuc980-pins scripts/nuc980-netboot scripts/kept tests/as-user.sh package/openrtu/container/*-* $(wildcard scripts/*.sh scripts/image/*.sh scripts/for-board/*.sh $(PROGRAMS)/*.sh board/*/*.sh package/*/S[0-9]* $(SRC)/*/*/*.sh \
@@ -17,7 +17,7 @@ lint: $(LINTED) ## Test: check the sources: ruff, clang-format, cppcheck, shellc
 	@.venv/bin/clang-format --dry-run -Werror $(C_FILES)
 	@mkdir -p build/cppcheck
 	cppcheck --quiet -j 2 --cppcheck-build-dir=build/cppcheck --enable=warning,performance,portability --error-exitcode=1 --inline-suppr \
-	  --suppress=normalCheckLevelMaxBranches --library=scripts/cppcheck.cfg -I $(SRC) $(SRC) $(LINESIM) $(BENCH) $(PROBES) $(PAYLOAD) $(PROGRAMS)
+	  --suppress=normalCheckLevelMaxBranches --library=scripts/cppcheck.cfg -I $(SRC) $(SRC) $(LINESIM) $(PLANT) $(BENCH) $(PROBES) $(PAYLOAD) $(PROGRAMS)
 	shellcheck --external-sources $(SHELL_FILES)
 
 # Many of these wait for a line, a timer or a guest: four at a time fill two cores. A file's tests share what they start.

@@ -239,6 +239,7 @@ REACH = [
     ("br2-external/*", "test-image"),
     (".github/*", "test-image"),
     # the tests; a file of tests reaches itself
+    ("tests/plant/*", "lint tests/test_plant_time.py"),
     ("tests/linesim/*", f"lint {DESK} {ON_BOARD}"),
     ("tests/peers/centre_consumer.py", "tests/test_centre.py tests/test_position_object.py"),
     (

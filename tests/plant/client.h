@@ -1,0 +1,85 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* One process of the plant: its place among the others, and what its descriptors are. */
+#ifndef PLANT_CLIENT_H
+#define PLANT_CLIENT_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "real.h"
+#include "shared.h"
+
+#define CLIENT_FDS 1024
+
+extern struct plant *plant; /* NULL: this process is in none */
+extern uint32_t client_self;
+
+/* The constructor's work, for who is called before it. */
+void client_begin(void);
+
+/* At the begin of each call that others may notice: here the process dies or stops, if a fault says so. */
+void client_call(void);
+
+/* A call that takes no time. Who waits for time by asking for it again and again shall see it pass all the same. */
+void client_spin(void);
+
+static inline int64_t client_ns(const struct timespec *time)
+{
+	return (int64_t)time->tv_sec * PLANT_NS + time->tv_nsec;
+}
+
+static inline struct timespec client_timespec(int64_t time_ns)
+{
+	return (struct timespec){.tv_sec = time_ns / PLANT_NS, .tv_nsec = time_ns % PLANT_NS};
+}
+
+#define client_tell(...) plant_tell(plant, client_self, __VA_ARGS__)
+
+/* Something that may make another process ready. */
+void client_changes(void);
+
+/* Leaves the plant: from here on this process only ends. */
+void client_leave(const char *how);
+
+/* ---- waiting: waits.c */
+
+/*
+ * Until ready() says so (1), deadline_ns is there (0), or a signal was handled (-1 with EINTR). Not ready at once: then others
+ * run.
+ */
+int wait_until(bool (*ready)(void *), void *what, int64_t deadline_ns);
+
+/* As poll(), by plant time. */
+int wait_poll(struct pollfd *fds, nfds_t count, int64_t deadline_ns);
+
+/* Until a descriptor that blocks is ready for one of these. 0, or -1 with EINTR. */
+int wait_blocking(int fd, short events);
+
+/* ---- timers: timers.c. Each takes what is no timer, too. */
+
+bool timer_is(int fd);
+bool timer_is_due(int fd);
+int64_t timer_next_ns(int fd);
+uint32_t timer_armings(int fd); /* how often it was set: each time makes one edge */
+ssize_t timer_read(int fd, void *out, size_t size);
+void timer_forget(int fd);
+
+/* ---- epoll: waits.c */
+void epoll_forget(int fd);
+
+/* ---- TCP over the plant's own sockets: network.c */
+
+/* A connection that waits for the end of a cut is tried again; no octet passes while it is cut. */
+short network_events(int fd, short wanted, short found);
+bool network_is_cut(int fd);
+void network_forget(int fd);
+
+/* ---- descriptors: files.c */
+
+/* FD_FILE: nobody waits for it. FD_OTHER: a pipe, or what the kernel made for this process alone, as a timer. */
+enum fd_kind { FD_FILE, FD_SOCKET, FD_TERMINAL, FD_OTHER };
+
+enum fd_kind files_kind(int fd);
+void files_forget(unsigned first, unsigned last);
+
+#endif

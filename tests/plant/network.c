@@ -1,0 +1,314 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/*
+ * TCP between the plant's processes, over Unix sockets: what one sends the other has at once, at any load of the host, and no
+ * port of the host is taken. A port is a name of the plant's own; all addresses are this machine. A cut holds octets back.
+ */
+#include <errno.h>
+#include <fcntl.h>
+#include <netinet/in.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include "client.h"
+
+#define FIRST_PORT 49152 /* of those that connect */
+#define NAME       "plant-%u:%u"
+
+enum link_state { LINK_UNKNOWN, LINK_NONE, LINK_KNOWN };
+
+static struct link {
+	enum link_state state;
+	uint16_t own, peer;
+	uint16_t waits_for; /* a connection that is begun when the cut is over */
+	int error;
+	bool of_ipv6;
+} links[CLIENT_FDS];
+
+static struct link *link_of(int fd)
+{
+	return &links[fd >= 0 && fd < CLIENT_FDS ? fd : 0];
+}
+
+void network_forget(int fd)
+{
+	*link_of(fd) = (struct link){0};
+}
+
+static socklen_t put_name(struct sockaddr_un *name, uint16_t port)
+{
+	*name = (struct sockaddr_un){.sun_family = AF_UNIX};
+	return (socklen_t)(offsetof(struct sockaddr_un, sun_path) + 1 +
+			   (size_t)snprintf(name->sun_path + 1, sizeof(name->sun_path) - 1, NAME, plant->id,
+					    port));
+}
+
+/* 0: none of the plant's TCP. */
+static uint16_t port_of_name(const struct sockaddr_un *name, socklen_t size)
+{
+	char text[sizeof(name->sun_path)] = "";
+	unsigned id = 0, port = 0;
+	const size_t before = offsetof(struct sockaddr_un, sun_path) + 1;
+
+	if (name->sun_family != AF_UNIX || size <= before || size - before >= sizeof(text) ||
+	    name->sun_path[0])
+		return 0;
+	memcpy(text, name->sun_path + 1, size - before);
+	return sscanf(text, NAME, &id, &port) == 2 && id == plant->id ? (uint16_t)port : 0;
+}
+
+typedef int (*ask_name)(int, struct sockaddr *, socklen_t *);
+
+static uint16_t port_by(ask_name ask, int fd)
+{
+	struct sockaddr_un name;
+	socklen_t size = sizeof(name);
+	const int error = errno;
+	const uint16_t port = ask(fd, (struct sockaddr *)&name, &size) == 0 ? port_of_name(&name, size) : 0;
+
+	errno = error;
+	return port;
+}
+
+static void look(int fd, struct link *link)
+{
+	link->own = port_by(real.getsockname, fd);
+	link->peer = port_by(real.getpeername, fd);
+	link->state = link->own || link->peer ? LINK_KNOWN : LINK_NONE;
+}
+
+bool network_is_cut(int fd)
+{
+	struct link *link = link_of(fd);
+
+	if (plant->fault_count == 0 || fd < 0)
+		return false;
+	if (link->state == LINK_UNKNOWN)
+		look(fd, link);
+	return link->state == LINK_KNOWN &&
+	       (plant_is_cut(plant, link->own) || plant_is_cut(plant, link->peer));
+}
+
+static uint16_t port_of(const struct sockaddr *address)
+{
+	if (address->sa_family == AF_INET)
+		return ntohs(((const struct sockaddr_in *)(const void *)address)->sin_port);
+	return ntohs(((const struct sockaddr_in6 *)(const void *)address)->sin6_port);
+}
+
+static bool is_stand_in(int fd, const struct sockaddr *address)
+{
+	int domain = 0;
+	socklen_t size = sizeof(domain);
+
+	if (!address || (address->sa_family != AF_INET && address->sa_family != AF_INET6))
+		return false;
+	return real.getsockopt(fd, SOL_SOCKET, SO_DOMAIN, &domain, &size) == 0 && domain == AF_UNIX;
+}
+
+static void put_address(const struct link *link, uint16_t port, struct sockaddr *out, socklen_t *size)
+{
+	const struct sockaddr_in plain = {
+	    .sin_family = AF_INET, .sin_port = htons(port), .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+	const struct sockaddr_in6 six = {
+	    .sin6_family = AF_INET6, .sin6_port = htons(port), .sin6_addr = IN6ADDR_LOOPBACK_INIT};
+	const void *from = link->of_ipv6 ? (const void *)&six : (const void *)&plain;
+	const socklen_t whole = link->of_ipv6 ? sizeof(six) : sizeof(plain);
+
+	if (!out || !size)
+		return;
+	memcpy(out, from, *size < whole ? *size : whole);
+	*size = whole;
+}
+
+static int bind_port(int fd, uint16_t port)
+{
+	struct sockaddr_un name;
+	socklen_t size;
+
+	if (port) {
+		size = put_name(&name, port);
+		return real.bind(fd, (struct sockaddr *)&name, size);
+	}
+	do {
+		if (plant->next_port < FIRST_PORT)
+			plant->next_port = FIRST_PORT;
+		size = put_name(&name, plant->next_port++);
+	} while (real.bind(fd, (struct sockaddr *)&name, size) < 0 && errno == EADDRINUSE);
+	return 0;
+}
+
+static int connect_port(int fd, uint16_t port)
+{
+	struct sockaddr_un name;
+	const socklen_t size = put_name(&name, port);
+
+	link_of(fd)->state = LINK_UNKNOWN;
+	return real.connect(fd, (struct sockaddr *)&name, size);
+}
+
+/* ---- what waits asks --------------------------------------------------------------------- */
+
+short network_events(int fd, short wanted, short found)
+{
+	struct link *link = link_of(fd);
+	struct pollfd again = {.fd = fd, .events = wanted};
+
+	if (link->waits_for) {
+		if (plant_is_cut(plant, link->waits_for))
+			return 0;
+		link->error = connect_port(fd, link->waits_for) < 0 ? errno : 0;
+		link->waits_for = 0;
+		client_changes();
+		if (link->error)
+			return (short)(POLLERR | POLLHUP | (wanted & POLLOUT));
+		real.poll(&again, 1, 0);
+		return again.revents;
+	}
+	return network_is_cut(fd) ? found & POLLOUT : found;
+}
+
+/* ---- the calls --------------------------------------------------------------------------- */
+
+int socket(int domain, int type, int protocol)
+{
+	const bool is_tcp = (domain == AF_INET || domain == AF_INET6) && (type & 0xf) == SOCK_STREAM;
+	int fd;
+
+	client_begin();
+	if (!plant || !is_tcp)
+		return real.socket(domain, type, protocol);
+	fd = real.socket(AF_UNIX, type, 0);
+	if (fd >= 0)
+		link_of(fd)->of_ipv6 = domain == AF_INET6;
+	return fd;
+}
+
+int bind(int fd, const struct sockaddr *address, socklen_t size)
+{
+	int result;
+
+	if (!plant || !is_stand_in(fd, address))
+		return real.bind(fd, address, size);
+	client_call();
+	result = bind_port(fd, port_of(address));
+	client_changes();
+	client_tell("bind %d %u %d", fd, port_of(address), result);
+	return result;
+}
+
+int connect(int fd, const struct sockaddr *address, socklen_t size)
+{
+	int result, error;
+
+	if (!plant)
+		return real.connect(fd, address, size);
+	client_call();
+	if (!is_stand_in(fd, address)) {
+		result = real.connect(fd, address, size);
+	} else if (!port_by(real.getsockname, fd) && bind_port(fd, 0) < 0) {
+		result = -1;
+	} else if (plant_is_cut(plant, port_of(address))) {
+		link_of(fd)->waits_for = port_of(address);
+		errno = EINPROGRESS;
+		result = -1;
+	} else {
+		result = connect_port(fd, port_of(address));
+	}
+	error = errno;
+	client_changes();
+	client_tell("connect %d %d", fd, result < 0 ? -error : 0);
+	errno = error;
+	return result;
+}
+
+int accept4(int fd, struct sockaddr *restrict address, socklen_t *restrict size, int flags)
+{
+	int result, error;
+	uint16_t port;
+
+	if (!plant)
+		return real.accept4(fd, address, size, flags);
+	client_call();
+	if (wait_blocking(fd, POLLIN) < 0)
+		return -1;
+	port = port_by(real.getsockname, fd);
+	if (network_is_cut(fd)) {
+		errno = EAGAIN;
+		return -1;
+	}
+	result = port ? real.accept4(fd, NULL, NULL, flags) : real.accept4(fd, address, size, flags);
+	error = errno;
+	if (result >= 0 && port) {
+		link_of(result)->of_ipv6 = link_of(fd)->of_ipv6;
+		put_address(link_of(result), port_by(real.getpeername, result), address, size);
+	}
+	client_changes();
+	client_tell("accept %d %d", fd, result < 0 ? -error : result);
+	errno = error;
+	return result;
+}
+
+int accept(int fd, struct sockaddr *restrict address, socklen_t *restrict size)
+{
+	return accept4(fd, address, size, 0);
+}
+
+static int name_by(ask_name ask, int fd, struct sockaddr *address, socklen_t *size)
+{
+	const uint16_t port = plant ? port_by(ask, fd) : 0;
+
+	if (!port)
+		return ask(fd, address, size);
+	put_address(link_of(fd), port, address, size);
+	return 0;
+}
+
+int getsockname(int fd, struct sockaddr *restrict address, socklen_t *restrict size)
+{
+	return name_by(real.getsockname, fd, address, size);
+}
+
+int getpeername(int fd, struct sockaddr *restrict address, socklen_t *restrict size)
+{
+	return name_by(real.getpeername, fd, address, size);
+}
+
+/* What TCP and IP have to be told, the stand-in does not know. */
+int setsockopt(int fd, int level, int name, const void *value, socklen_t size)
+{
+	int domain = 0;
+	socklen_t domain_size = sizeof(domain);
+
+	if (plant && level != SOL_SOCKET &&
+	    real.getsockopt(fd, SOL_SOCKET, SO_DOMAIN, &domain, &domain_size) == 0 && domain == AF_UNIX)
+		return 0;
+	return real.setsockopt(fd, level, name, value, size);
+}
+
+int getsockopt(int fd, int level, int name, void *restrict value, socklen_t *restrict size)
+{
+	struct link *link = link_of(fd);
+
+	if (plant && level == SOL_SOCKET && name == SO_ERROR && link->error && *size == sizeof(int)) {
+		memcpy(value, &link->error, sizeof(int));
+		link->error = 0;
+		return 0;
+	}
+	return real.getsockopt(fd, level, name, value, size);
+}
+
+int shutdown(int fd, int how)
+{
+	int result;
+
+	if (!plant)
+		return real.shutdown(fd, how);
+	client_call();
+	result = real.shutdown(fd, how);
+	client_changes();
+	client_tell("shutdown %d %d", fd, result);
+	return result;
+}

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What of a world is no program of ours: the consumer of rtu-centre, and what changes in the field.
+
+They run in the plant, under its clock, and import nothing but the standard library.
+"""
+
+import json
+import socket
+import struct
+import sys
+import time
+from pathlib import Path
+
+HEADER = struct.Struct("<4sHHQ")  # docs/centre.md
+RECORD_SIZE = 48
+INFORMATION = struct.Struct("<BBHIIIqqBBBB4s8s")
+KIND_STATION, KIND_LINK, KIND_INFORMATION = 1, 2, 3
+TAGGED, LAST_OCTET = 4, 36
+ACKNOWLEDGE = struct.Struct("<BBHIQ16x")
+PACKET_MAX = 65536
+PAUSE_S = 0.1
+
+
+def say(**fields: object) -> None:
+    """A line of this part's output; `at` is plant time."""
+    print(json.dumps({"at": time.clock_gettime_ns(time.CLOCK_MONOTONIC), **fields}), flush=True)
+
+
+def connected(kind: socket.SocketKind, path: Path) -> socket.socket:
+    """Once somebody listens there."""
+    while True:
+        connection = socket.socket(socket.AF_UNIX, kind)
+        try:
+            connection.connect(str(path))
+        except OSError:
+            connection.close()
+            time.sleep(PAUSE_S)
+        else:
+            return connection
+
+
+def tell_record(record: bytes) -> None:
+    if record[0] == KIND_LINK:
+        say(kind="link", state=record[LAST_OCTET])
+    if record[0] != KIND_INFORMATION:
+        return
+    fields = INFORMATION.unpack(record)
+    _, flags, ca, _, connection, ioa, _, tag, type_, cause, quality, _, value, _ = fields
+    say(
+        kind="value",
+        point=f"{ca}.{ioa}",
+        connection=connection,
+        tag=tag if flags & TAGGED else None,
+        type=type_,
+        cause=cause,
+        quality=quality,
+        value=int.from_bytes(value, "little", signed=True),
+    )
+
+
+def consume(path: Path) -> None:
+    """Takes and acknowledges what rtu-centre says, as often as there is one."""
+    while True:
+        centre = connected(socket.SOCK_SEQPACKET, path)
+        while packet := centre.recv(PACKET_MAX):
+            _, _, count, sequence = HEADER.unpack_from(packet)
+            for place in range(HEADER.size, HEADER.size + count * RECORD_SIZE, RECORD_SIZE):
+                tell_record(packet[place : place + RECORD_SIZE])
+            centre.send(ACKNOWLEDGE.pack(1, 0, 0, 0, sequence))
+        say(kind="centre is gone")
+        centre.close()
+
+
+def change(path: Path, script: Path) -> None:
+    """Commands of linesim, each at its time: lines of nanoseconds of the plant and a command."""
+    with connected(socket.SOCK_STREAM, path) as devices, devices.makefile() as answers:
+        for line in script.read_text().splitlines():
+            due, command = line.split(" ", 1)
+            wait_ns = int(due) - time.clock_gettime_ns(time.CLOCK_MONOTONIC)
+            time.sleep(max(0, wait_ns) / 1e9)
+            devices.sendall(f"{command}\n".encode())
+            say(command=command, answer=answers.readline().strip())
+
+
+if __name__ == "__main__":
+    if sys.argv[1] == "consume":
+        consume(Path(sys.argv[2]))
+    else:
+        change(Path(sys.argv[2]), Path(sys.argv[3]))

@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Worlds of the plant: programs, devices, what changes and what fails, all from one seed; and their runs."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import subprocess
+import sys
+import time
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+PARTS = Path(__file__).with_name("plant_parts.py")
+BUILD = Path(os.environ.get("OPENRTU_PLANT", REPOSITORY / "build" / "plant"))
+GATEWAY = Path(os.environ.get("OPENRTU_BUILD", REPOSITORY / "build" / "native"))
+LINESIM = Path(os.environ.get("OPENRTU_LINESIM", REPOSITORY / "build" / "linesim" / "linesim"))
+BEGIN_NS = 1000 * 10**9  # main.c
+PORT = 2404
+LINES = 2
+DEVICES = 3  # of a line
+POINTS = 2  # of a device, beside its bit
+CHANGES_FROM_S = 5.0
+
+
+class PlantError(Exception):
+    """A plant that could not be run; the text says why."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """What goes wrong, from a time on."""
+
+    at_s: float
+    kind: str  # kill, stop, cut: the plant's; silent: a device's
+    of: str  # a process, a port, a device
+    calls: int = 0
+    for_s: float = 0.0
+
+    @property
+    def end_s(self) -> float:
+        return self.at_s + self.for_s
+
+    def __str__(self) -> str:
+        what = {
+            "kill": f"{self.of} is killed at its call {self.calls}",
+            "stop": f"{self.of} stops for {self.for_s:.3f} s at its call {self.calls}",
+            "cut": f"TCP port {self.of} is cut for {self.for_s:.3f} s",
+            "silent": f"device {self.of} is silent for {self.for_s:.3f} s",
+        }
+        return f"{self.at_s:.3f} s: {what[self.kind]}"
+
+
+@dataclass(frozen=True)
+class Change:
+    """A register of a device has a new value."""
+
+    at_s: float
+    device: str
+    table: str
+    address: int
+    value: int
+
+    @property
+    def point(self) -> str:
+        line, unit = self.device.split(".")
+        base = {"input_registers": 30001, "discrete_inputs": 10001}[self.table]
+        return f"{int(line) * 1000 + int(unit)}.{base + self.address}"
+
+
+@dataclass(frozen=True)
+class World:
+    """Two lines of three devices, rtud with its modules, one controlling station."""
+
+    seed: int
+    seconds: float
+    changes: tuple[Change, ...]
+    faults: tuple[Fault, ...] = ()
+
+    @property
+    def gateway(self) -> dict[str, Any]:
+        registers = [{"address": place} for place in range(POINTS)]
+        slaves = [
+            {"id": unit, "period_ms": 1000, "discrete_inputs": [{"address": 0}], "input_registers": registers}
+            for unit in range(1, DEVICES + 1)
+        ]
+        line = {"active": 1, "baud_rate": 9600, "data_bits": 8, "stop_bits": 1, "parity": 0, "slaves": slaves}
+        return {
+            "iec104": {"address": "127.0.0.1", "port": PORT},
+            "port": [{"value": number, **line} for number in range(1, LINES + 1)],
+        }
+
+    @property
+    def centre(self) -> dict[str, Any]:
+        addresses = [line * 1000 + unit for line in range(1, LINES + 1) for unit in range(1, DEVICES + 1)]
+        station = {"name": "rtu", "address": "127.0.0.1", "port": PORT, "common_addresses": addresses}
+        return {"stations": [{**station, "interrogation_s": 20}], "retry_ms": 500, "retry_max_ms": 2000}
+
+    @property
+    def script(self) -> list[str]:
+        """What the field does, as linesim's commands."""
+        told = [
+            (change.at_s, f"set {change.device} {change.table} {change.address} {change.value}")
+            for change in self.changes
+        ]
+        for fault in self.faults:
+            if fault.kind == "silent":
+                told += [(fault.at_s, f"fault {fault.of} mute"), (fault.end_s, f"fault {fault.of} clear")]
+        return [f"{BEGIN_NS + round(at_s * 1e9)} {command}" for at_s, command in sorted(told)]
+
+    def plan(self, folder: Path) -> list[str]:
+        """What the runner reads."""
+        python = [str(Path(sys.executable).resolve()), "-I", "-S", "-B", str(PARTS)]
+        dev, consumer = folder / "dev", folder / "consumer"
+        rtud = [f"{GATEWAY}/rtud/rtud", "--uid-base", "0", "--map", f"{folder}/map", "--dev", f"{dev}"]
+        programs: dict[str, tuple[float, list[str]]] = {
+            "linesim": (0.0, [f"{LINESIM}", "--config", f"{folder}/gateway.json", "--dir", f"{dev}"]),
+            "rtud": (0.5, [*rtud, "--modules", f"{GATEWAY}/modules", f"{folder}/gateway.json"]),
+            "rtu-centre": (
+                1.0,
+                [f"{GATEWAY}/centre/rtu-centre", "--socket", f"{consumer}", f"{folder}/centre.json"],
+            ),
+            "consumer": (1.5, [*python, "consume", f"{consumer}"]),
+            "field": (1.5, [*python, "change", f"{dev}/control", f"{folder}/script"]),
+        }
+        lines = [["end", f"{self.seconds}"]]
+        for name, (at_s, words) in programs.items():
+            lines.append(["start", name, f"{at_s}", f"{folder}/{name}.out", f"{folder}/{name}.log", *words])
+        for fault in self.faults:
+            match fault.kind:
+                case "kill":
+                    lines.append(["kill", fault.of, f"{fault.at_s}", f"{fault.calls}"])
+                case "stop":
+                    lines.append(["stop", fault.of, f"{fault.at_s}", f"{fault.calls}", f"{fault.for_s}"])
+                case "cut":
+                    lines.append(["cut", fault.of, f"{fault.at_s}", f"{fault.end_s}"])
+        return ["\t".join(line) for line in lines]
+
+
+@dataclass(frozen=True)
+class Run:
+    """A world that has been run; its files are in `folder`."""
+
+    world: World
+    folder: Path
+    real_s: float
+    code: int
+    said: str
+
+    @cached_property
+    def trace(self) -> bytes:
+        return (self.folder / "trace").read_bytes()
+
+    def told(self, part: str) -> list[dict[str, Any]]:
+        """The lines of the consumer or the field; one that the end cut off is none."""
+        lines = (self.folder / f"{part}.out").read_text().split("\n")
+        return [json.loads(line) for line in lines[:-1]]
+
+    @property
+    def speed(self) -> float:
+        return self.world.seconds / self.real_s
+
+
+def run(world: World, folder: Path) -> Run:
+    """Raises PlantError."""
+    (folder / "dev").mkdir(parents=True)
+    (folder / "gateway.json").write_text(json.dumps(world.gateway))
+    (folder / "centre.json").write_text(json.dumps(world.centre))
+    (folder / "script").write_text("\n".join(world.script) + "\n")
+    (folder / "world").write_text("\n".join(world.plan(folder)) + "\n")
+    command = [BUILD / "plant", "--seed", str(world.seed), "--trace", folder / "trace", folder / "world"]
+    begun = time.monotonic()
+    try:
+        result = subprocess.run(command, capture_output=True, text=True, check=False)
+    except OSError as error:
+        raise PlantError(f"{command[0]}: {error.strerror}; type make build") from None
+    if result.returncode == 2:
+        raise PlantError(result.stderr.strip())
+    return Run(world, folder, time.monotonic() - begun, result.returncode, result.stderr.strip())
+
+
+@dataclass
+class Field:
+    """What devices hold: values that never come twice, so that each report says which change it is of."""
+
+    random: random.Random
+    seconds: float
+    next_value: int = 1
+    bits: dict[str, int] = field(default_factory=dict)
+
+    def change(self, at_s: float) -> Change:
+        device = f"{self.random.randrange(LINES) + 1}.{self.random.randrange(DEVICES) + 1}"
+        if self.random.random() < 0.2:
+            self.bits[device] = 1 - self.bits.get(device, 0)
+            return Change(at_s, device, "discrete_inputs", 0, self.bits[device])
+        self.next_value = self.next_value % 32000 + 1
+        return Change(at_s, device, "input_registers", self.random.randrange(POINTS), self.next_value)
+
+    def changes(self, mean_s: float) -> tuple[Change, ...]:
+        made = []
+        at_s = CHANGES_FROM_S
+        while (at_s := at_s + self.random.expovariate(1 / mean_s)) < self.seconds:
+            made.append(self.change(round(at_s, 3)))
+        return tuple(made)
+
+
+def calm(seed: int, seconds: float, change_every_s: float = 1.0) -> World:
+    """Nothing fails."""
+    return World(seed, seconds, Field(random.Random(seed), seconds).changes(change_every_s))

@@ -1,0 +1,121 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* What all processes of a plant share, and the baton: who holds it runs, all others wait for it. */
+#ifndef PLANT_SHARED_H
+#define PLANT_SHARED_H
+
+#include <stdatomic.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#define PLANT_PROCESSES 64
+#define PLANT_FAULTS    64
+#define PLANT_NAMES     64
+#define PLANT_DYING     PLANT_PROCESSES
+#define PLANT_NAME_SIZE 24
+#define PLANT_TRACE     (64u << 10)
+#define PLANT_LINE      256
+#define PLANT_NEVER     INT64_MAX
+#define PLANT_RUNNER    UINT32_MAX /* in the place of a process: the runner */
+#define PLANT_NS        INT64_C(1000000000)
+
+#define PLANT_SHARED_VARIABLE  "PLANT_SHARED"
+#define PLANT_PROCESS_VARIABLE "PLANT_PROCESS"
+
+struct plant_process {
+	_Atomic uint32_t has_baton; /* a futex */
+	_Atomic uint32_t attached;
+	bool alive;
+	bool ends_with_parent;
+	bool wants_room; /* waits until something can be written */
+	int32_t pid;
+	uint32_t parent;
+	uint32_t life;       /* how many of its name there were, with it */
+	uint64_t asked;      /* the last change that it knew when it was not ready */
+	int64_t deadline_ns; /* when it is ready at the latest */
+	int64_t stopped_ns;  /* not before this time */
+	uint64_t calls;
+	char name[PLANT_NAME_SIZE];
+};
+
+enum plant_fault_kind { PLANT_KILL, PLANT_STOP, PLANT_CUT };
+
+/* From from_ns on: a process dies or stops at its call number calls; or no octet passes a TCP port until to_ns. */
+struct plant_fault {
+	enum plant_fault_kind kind;
+	bool done;
+	bool counts; /* first_call is set */
+	char name[PLANT_NAME_SIZE];
+	uint16_t port;
+	uint64_t calls;
+	uint64_t first_call;
+	int64_t from_ns;
+	int64_t to_ns; /* of PLANT_STOP: how long */
+};
+
+struct plant_name {
+	char name[PLANT_NAME_SIZE];
+	uint32_t lives;
+};
+
+struct plant {
+	_Atomic uint32_t runner; /* a futex: the runner has something to do */
+	_Atomic uint32_t holder;
+	_Atomic uint64_t turns;
+	bool ended;
+	uint32_t id; /* its TCP ports are its own */
+	uint64_t random;
+	uint64_t changes; /* grows with all that may make somebody ready */
+	uint64_t spins;   /* calls since the clock moved */
+	int64_t now_ns;
+	int64_t end_ns;
+	int64_t wall_ns; /* what the wall clock is ahead of the other */
+	uint16_t next_port;
+	uint32_t process_count;
+	struct plant_process processes[PLANT_PROCESSES];
+	uint32_t fault_count;
+	struct plant_fault faults[PLANT_FAULTS];
+	struct plant_name names[PLANT_NAMES];
+	uint32_t dying_count;
+	int32_t dying[PLANT_DYING]; /* have left the baton, and may still have descriptors */
+	uint32_t trace_size;
+	char trace[PLANT_TRACE];
+};
+
+/* baton.c; all but plant_take() are for who has the baton. */
+
+uint64_t plant_random(struct plant *plant);
+
+/* Waits for the baton, and then until nobody is dying any more. */
+void plant_take(struct plant *plant, uint32_t self);
+
+/*
+ * Gives the baton to who is next, and moves the clock if all wait. Returns when the caller has it again; for one that is not
+ * alive any more, at once.
+ */
+void plant_pass(struct plant *plant, uint32_t self);
+
+/* The process, and those that the kernel kills with it, are part of the plant no more. */
+void plant_bury(struct plant *plant, uint32_t process);
+
+/* Until those that left the baton as they ended have no descriptor any more, and their parents know. */
+void plant_await_the_dying(struct plant *plant);
+
+/* A new process, not yet run. PLANT_RUNNER: there is no room. */
+uint32_t plant_add(struct plant *plant, uint32_t parent);
+
+void plant_name(struct plant *plant, uint32_t process, const char *name);
+
+__attribute__((format(printf, 3, 4))) void plant_tell(struct plant *plant, uint32_t process,
+						      const char *format, ...);
+
+/* No octet passes this port now. */
+bool plant_is_cut(const struct plant *plant, uint16_t port);
+
+/* What the process' call is: dies or stops there, if a fault says so. */
+const struct plant_fault *plant_fault_at(struct plant *plant, uint32_t process);
+
+void plant_futex_wait(_Atomic uint32_t *word, uint32_t value, int64_t most_ns);
+void plant_futex_wake(_Atomic uint32_t *word);
+
+#endif
