@@ -99,31 +99,32 @@ static bool take_file(int argc, char **argv, struct arguments *arguments)
 	return optind + 1 == argc;
 }
 
+static const struct option known[] = {
+    {"check", no_argument, NULL, 'c'},
+    {"plan", no_argument, NULL, 'l'},
+    {"points", no_argument, NULL, 't'},
+    {"scl", no_argument, NULL, 's'},
+    {"schema", no_argument, NULL, 'S'},
+    {"cid", no_argument, NULL, 'i'},
+    {"iid", no_argument, NULL, 'i'},
+    {"edition", required_argument, NULL, 'e'},
+    {"csv", no_argument, NULL, 'v'},
+    {"markdown", no_argument, NULL, 'k'},
+    {"map", required_argument, NULL, 'm'},
+    {"dev", required_argument, NULL, 'd'},
+    {"modules", required_argument, NULL, 'p'},
+    {"uid-base", required_argument, NULL, 'u'},
+    {"watchdog", required_argument, NULL, 'w'},
+    {"help", no_argument, NULL, 'h'},
+    {"version", no_argument, NULL, 'V'},
+    {NULL, 0, NULL, 0},
+};
+
 static bool parse(int argc, char **argv, struct arguments *arguments)
 {
-	static const struct option options[] = {
-	    {"check", no_argument, NULL, 'c'},
-	    {"plan", no_argument, NULL, 'l'},
-	    {"points", no_argument, NULL, 't'},
-	    {"scl", no_argument, NULL, 's'},
-	    {"schema", no_argument, NULL, 'S'},
-	    {"cid", no_argument, NULL, 'i'},
-	    {"iid", no_argument, NULL, 'i'},
-	    {"edition", required_argument, NULL, 'e'},
-	    {"csv", no_argument, NULL, 'v'},
-	    {"markdown", no_argument, NULL, 'k'},
-	    {"map", required_argument, NULL, 'm'},
-	    {"dev", required_argument, NULL, 'd'},
-	    {"modules", required_argument, NULL, 'p'},
-	    {"uid-base", required_argument, NULL, 'u'},
-	    {"watchdog", required_argument, NULL, 'w'},
-	    {"help", no_argument, NULL, 'h'},
-	    {"version", no_argument, NULL, 'V'},
-	    {NULL, 0, NULL, 0},
-	};
 	int option;
 
-	while ((option = getopt_long(argc, argv, "", options, NULL)) != -1) {
+	while ((option = getopt_long(argc, argv, "", known, NULL)) != -1) {
 		switch (option) {
 		case 'c':
 			arguments->check = true;
