@@ -56,6 +56,11 @@ build/linux-debug/done: build/linux/done board/nuc980/linux/debug.fragment
 	$(LOGGED) linux-debug scripts/build-linux.sh build/linux/debian $(@D) board/nuc980/linux/debug.fragment
 	@touch $@
 
+# What we add to Linux, U-Boot and QEMU, for their maintainers: docs/upstreaming.md. AUTHOR='Name <address>' signs.
+AUTHOR :=
+series: $(VENV) ## Maintain: our Linux, U-Boot and QEMU as series for git am (AUTHOR=)
+	$(PYTHON) scripts/series.py build/series $(if $(AUTHOR),--author "$$AUTHOR")
+
 # Its recordings of receivers and what it makes of them, and its program, which nobody has to install.
 build/gpsd/done: build/gpsd/debian.dsc scripts/debian-package.sh | $(EMULATED)
 	$(LOGGED) gpsd scripts/debian-package.sh $(@D)/packages gpsd libbluetooth3 libdbus-1-3 libusb-1.0-0

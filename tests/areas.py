@@ -38,6 +38,7 @@ TREE = "tests/test_tree.py"  # it reads every file
 CODES = "tests/test_codes.py tests/test_codes_added.py"  # what is made from C's numbers
 KEYS = "tests/test_key_added.py"  # what is made of the rules of the configuration
 PIP = "lint tests/test_pip_install.py tests/test_tools_mistakes.py"
+SERIES = "tests/test_make_series.py tests/linux/test_series.py tests/twin/test_series_applied.py"
 SITE = "tests/test_pages.py tests/centre/test_pages_site.py"
 ALL = f"{C} fuzzers test-sanitizers {' '.join(TARGETS.values())}"
 
@@ -193,6 +194,7 @@ REACH = [
     ("scripts/nuc980-netboot", "test-netboot"),
     ("scripts/nuc980/twin/*", f"{BOARDS} test-bench"),
     ("scripts/image/*", f"test-image {BOARDS}"),
+    ("scripts/series.py", f"lint {SERIES}"),
     ("scripts/build-dtb.sh", f"test-pins test-image {BOARDS}"),
     ("scripts/validate-dtb.sh", "test-pins"),
     ("scripts/build-qemu.sh", BOARDS),
@@ -226,15 +228,16 @@ REACH = [
     ("scripts/setup-sysroot.sh", "cross test-linux"),
     ("scripts/armel.ini", "cross test-linux"),
     # the board
-    ("board/nuc980/qemu/*", f"lint {BOARDS}"),
-    ("board/nuc980/linux/*/*", "test-image test-pins test-linux"),
-    ("board/nuc980/u-boot/*", f"test-image {BOARDS}"),
+    ("board/nuc980/qemu/*", f"lint {SERIES} {BOARDS}"),
+    ("board/nuc980/linux/*/*", f"{SERIES} test-image test-pins test-linux"),
+    ("board/nuc980/u-boot/*", f"{SERIES} test-image {BOARDS}"),
     ("board/nuc980/boards/*/pins.yml", f"test-pins {BOARDS}"),
     ("board/*", "lint test-image test-pins test-netboot test-linux"),
-    ("dts/*", f"test-pins test-image {BOARDS}"),
-    ("patches/qemu/*", f"test-image {BOARDS}"),
-    ("patches/uboot/*", f"test-image {BOARDS}"),
-    ("patches/linux/*", "test-image test-pins test-linux"),
+    ("dts/*", f"{SERIES} test-pins test-image {BOARDS}"),
+    ("patches/*/series.toml", SERIES),
+    ("patches/qemu/*", f"{SERIES} test-image {BOARDS}"),
+    ("patches/uboot/*", f"{SERIES} test-image {BOARDS}"),
+    ("patches/linux/*", f"{SERIES} test-image test-pins test-linux"),
     ("configs/*", "test-image tests/linux/test_run.py"),
     ("br2-external/*", "test-image"),
     (".github/*", "test-image"),
@@ -252,6 +255,7 @@ REACH = [
     ("tests/peers/*", f"{DESK} {ON_BOARD} test-netboot"),
     ("tests/desk.py", f"{DESK} {ON_BOARD}"),
     ("tests/bare.py", DESK),
+    ("tests/git_am.py", SERIES),
     ("tests/capture.py", f"{DESK} tests/centre/test_centre_higher.py tests/linux/test_network.py"),
     ("tests/changed.py", "tests/test_changed.py"),
     ("tests/logic_reference.py", "tests/test_logic.py tests/test_logic_findings.py"),

@@ -9,7 +9,6 @@ import signal
 import socket
 import statistics
 import struct
-import subprocess
 import threading
 import time
 import zlib
@@ -27,9 +26,6 @@ from nuc980.twin.nand import NandImage
 from nuc980.twin.uboot import PROMPT, Console, text
 
 ROOT = Path(__file__).parents[2]
-PATCHES = sorted((ROOT / "patches/uboot").glob("*.patch"))
-PORT = ROOT / "board/nuc980/u-boot"
-SOURCES = sorted(path for path in PORT.rglob("*") if path.is_file())
 BOARD = ROOT / "dts/nuvoton/nuc980-gateway.dts"
 
 # The vendor's SPL reads this much of U-Boot, and no more.
@@ -480,23 +476,3 @@ def test_factorys_boot_command_starts_what_is_in_the_flash(with_nand: Console, u
 
 def test_spl_can_read_all_of_it(uboot: Path) -> None:
     assert uboot.stat().st_size <= SPL_READS
-
-
-def checkpatch(uboot_source: Path, *file: str | Path) -> str:
-    """What U-Boot's own check says of a patch, or of a file with `-f` before it. It asks for no sign-off."""
-    ran = subprocess.run(
-        ["scripts/checkpatch.pl", "--strict", "--terse", "--no-summary", "--ignore=MISSING_SIGN_OFF", *file],
-        cwd=uboot_source, capture_output=True, text=True,
-    )  # fmt: skip
-    assert bool(ran.stdout) == bool(ran.returncode), ran.stderr
-    return ran.stdout
-
-
-@pytest.mark.parametrize("patch", PATCHES, ids=lambda path: path.name)
-def test_patch_is_in_uboots_style(uboot_source: Path, patch: Path) -> None:
-    assert checkpatch(uboot_source, patch) == ""
-
-
-@pytest.mark.parametrize("file", SOURCES, ids=lambda path: str(path.relative_to(PORT)))
-def test_source_is_in_uboots_style(uboot_source: Path, file: Path) -> None:
-    assert checkpatch(uboot_source, "-f", file) == ""

@@ -902,7 +902,7 @@ static const struct {
     { "VCAP1_", "ccap1" },
 };
 
-/* Port, pin: the signal of the device that hangs on it; why nothing may use it */
+/* Port, pin: the signal of the device on it; why nothing may use it */
 typedef struct NUC980Board {
     const char *name;
     const char *wired[NUC980_PORTS][NUC980_PINS_A_PORT];
