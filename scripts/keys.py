@@ -80,6 +80,12 @@ class Keys:
         return found
 
 
+def comment(rule: Rule, word: str) -> str | None:
+    """What rtud says there of a key: validators refuse keywords of our own."""
+    match = re.search(rf"\b{word}: ([^,]+)", rule.get("$comment", ""))
+    return match[1] if match else None
+
+
 def span(low: float, high: float) -> str:
     return f"{low:.15g}" if low == high else f"{low:.15g} … {high:.15g}"
 
@@ -96,7 +102,7 @@ def number(rule: Rule) -> str:
         return "number > 0"
     if rule["maximum"] > ENDLESS:
         return "number ≥ 0" if rule["minimum"] == 0 else "number"
-    unit = rule.get("x-unit")
+    unit = comment(rule, "unit")
     return span(rule["minimum"], rule["maximum"]) + (f" {unit}" if unit else "")
 
 
@@ -112,7 +118,7 @@ def default(rule: Rule, required: bool) -> str:
 
 
 def meaning(rule: Rule) -> str:
-    see = rule.get("$comment")
+    see = comment(rule, "see")
     more = f" [More]({see.removeprefix(Path(PAGE).name)})." if see else ""
     return (rule["description"] + more).replace("|", "\\|")
 

@@ -882,6 +882,75 @@ def test_every_table_is_tried() -> None:
     assert set(tables()) - {site.definition for site in SITES} == {"program", "program_point"}
 
 
+def schemas(rule: Json) -> Iterator[dict[str, Any]]:
+    """A schema, and those in it."""
+    if not isinstance(rule, dict):
+        return
+    yield rule
+    for word, value in rule.items():
+        if word in ("properties", "$defs"):
+            parts = list(value.values())
+        elif word in ("anyOf", "allOf", "oneOf"):
+            parts = value
+        else:
+            parts = [value] if word in ("if", "then", "else", "not", "items", "additionalProperties") else []
+        for part in parts:
+            yield from schemas(part)
+
+
+def test_schema_has_no_keyword_of_its_own() -> None:
+    """Validators that are strict, as editors' may be, refuse a schema with such."""
+    core = {
+        "$schema",
+        "$defs",
+        "$ref",
+        "$comment",
+        "title",
+        "description",
+        "default",
+        "examples",
+        "type",
+        "enum",
+        "const",
+    }
+    applied = {
+        "properties",
+        "additionalProperties",
+        "items",
+        "if",
+        "then",
+        "else",
+        "not",
+        "anyOf",
+        "allOf",
+        "oneOf",
+    }
+    asserted = {
+        "required",
+        "dependentRequired",
+        "format",
+        "pattern",
+        "minLength",
+        "maxLength",
+        "minItems",
+        "maxItems",
+    }
+    numbers = {"minimum", "maximum", "exclusiveMinimum", "multipleOf", "maxProperties"}
+    used = {word for rule in schemas(SCHEMA) for word in rule}
+    assert used <= core | applied | asserted | numbers
+
+
+def test_patterns_are_regular_expressions_of_javascript() -> None:
+    """With the flag u, which JSON Schema wants: it refuses escapes that mean nothing."""
+    patterns = sorted({rule["pattern"] for rule in schemas(SCHEMA) if "pattern" in rule})
+    script = "JSON.parse(process.argv[1]).forEach((pattern) => new RegExp(pattern, 'u'));"
+    run = subprocess.run(
+        ["node", "-e", script, json.dumps(patterns)], capture_output=True, text=True, check=False
+    )
+    assert len(patterns) > 10
+    assert (run.returncode, run.stderr) == (0, "")
+
+
 # ---- what is made of the rules -----------------------------------------------------------------------------
 
 

@@ -78,7 +78,7 @@ def test_a_key_touches_its_reader_and_what_is_made(copy: Path) -> None:
 
 def check_made(root: Path) -> None:
     schema = json.loads((root / SRC / "rtud/config.schema.json").read_text())
-    rule = {"type": "integer", "minimum": 0, "maximum": 500, "x-unit": "ms", "default": 7}
+    rule = {"type": "integer", "minimum": 0, "maximum": 500, "$comment": "unit: ms", "default": 7}
     assert schema["$defs"]["modbus"]["properties"]["rest_ms"] == {"description": SENTENCE} | rule
     page = (root / "docs/configuration.md").read_text()
     assert f"| `rest_ms` | 0 … 500 ms | 7 | {SENTENCE} |" in page
