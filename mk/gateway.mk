@@ -14,7 +14,7 @@ build: build/native/build.ninja build/linesim/build.ninja build/plant/build.ninj
 	$(LOGGED) bench ninja -C build/bench
 
 keys: build $(VENV) ## Maintain: the schema and the tables of keys, after a change of the rules
-	$(PYTHON) scripts/keys.py build/native/rtud/rtud
+	$(PYTHON) scripts/keys.py build/native
 
 unit: build ## Test: the C unit tests
 	$(LOGGED) unit $(MESON_TEST) -C build/native

@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Writes what is made of the rules of the configuration: the JSON Schema, which rtud --schema prints, and
-from it the tables of docs/configuration.md. A table stands below a comment that names it:
+"""Writes what is made of the rules of configurations: the JSON Schema, which rtud --schema prints, and
+from it the tables of docs/configuration.md; those of docs/centre.md from rtu-centre --schema. A table
+stands below a comment that names it:
 
     <!-- keys: slave -->            all keys of this definition of the schema, the outermost object being file
     <!-- keys: tcp_slave.id -->     one of them; several words, one after the other
@@ -18,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 SCHEMA = "package/openrtu/src/rtud/config.schema.json"
-PAGE = "docs/configuration.md"
+PAGES = {"docs/configuration.md": "rtud/rtud", "docs/centre.md": "centre/rtu-centre"}
 FILE = "file"
 HEAD = "| key | values | default | meaning |\n|---|---|---|---|\n"
 TABLE = re.compile(r"(<!-- keys: ([\w. ]+) -->\n\n)(?:\|.*\n)*")
@@ -31,8 +32,9 @@ Rule = dict[str, Any]
 class Keys:
     """A schema, by the names of its definitions."""
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, page: str) -> None:
         self.schema: Rule = json.loads(text)
+        self.page = Path(page).name
         self.anchors: dict[str, str] = {}  # of the definitions that the page has a table of
 
     def definition(self, name: str) -> Rule:
@@ -53,7 +55,7 @@ class Keys:
         for key, rule in sorted(definition["properties"].items(), key=lambda item: item[0] not in required):
             if only in ("", key):
                 rule = self.resolved(rule)
-                yield key, self.values(rule), default(rule, key in required), meaning(rule)
+                yield key, self.values(rule), default(rule, key in required), self.meaning(rule)
 
     def values(self, rule: Rule) -> str:
         if "anyOf" in rule and {"format": "ipv4"} in rule["anyOf"]:
@@ -71,6 +73,11 @@ class Keys:
         anchor = self.anchor(rule)
         text = rule["type"] + (f" of {choices(words)}" if words else "")
         return f"[{text}](#{anchor})" if anchor else text
+
+    def meaning(self, rule: Rule) -> str:
+        see = comment(rule, "see")
+        more = f" [More]({see.removeprefix(self.page)})." if see else ""
+        return (rule["description"] + more).replace("|", "\\|")
 
     def anchor(self, rule: Rule) -> str:
         """Of the table of its elements: the last of several forms."""
@@ -117,12 +124,6 @@ def default(rule: Rule, required: bool) -> str:
     return "none" if value is None else json.dumps(value)
 
 
-def meaning(rule: Rule) -> str:
-    see = comment(rule, "see")
-    more = f" [More]({see.removeprefix(Path(PAGE).name)})." if see else ""
-    return (rule["description"] + more).replace("|", "\\|")
-
-
 def slug(heading: str) -> str:
     """As GitHub and the site make an anchor of it."""
     return re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-")
@@ -147,14 +148,18 @@ def page(keys: Keys, text: str) -> str:
 def main() -> int:
     words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     words.add_argument("--check", action="store_true", help="write nothing")
-    words.add_argument("rtud", type=Path, help="built with -Dschema=true")
+    words.add_argument("build", type=Path, help="folder of a build with -Dschema=true")
     words.add_argument("tree", nargs="?", default=".", type=Path)
     given = words.parse_args()
-    run = subprocess.run([given.rtud, "--schema"], capture_output=True, text=True, check=False)
-    if run.returncode != 0:
-        print(run.stderr, end="", file=sys.stderr)
-        return 2
-    made = {SCHEMA: run.stdout, PAGE: page(Keys(run.stdout), (given.tree / PAGE).read_text(encoding="utf-8"))}
+    made = {}
+    for path, program in PAGES.items():
+        run = subprocess.run([given.build / program, "--schema"], capture_output=True, text=True, check=False)
+        if run.returncode != 0:
+            print(run.stderr, end="", file=sys.stderr)
+            return 2
+        made[path] = page(Keys(run.stdout, path), (given.tree / path).read_text(encoding="utf-8"))
+        if program == "rtud/rtud":
+            made[SCHEMA] = run.stdout
     old = [path for path, text in made.items() if (given.tree / path).read_text(encoding="utf-8") != text]
     for path in old:
         print(path)

@@ -64,7 +64,7 @@ REACH = [
     ("docs/faults.md", "tests/test_line_faults.py"),
     ("docs/telecontrol.md", "tests/test_event_journal.py tests/test_retained.py tests/test_station_tls*.py"),
     ("docs/positioning.md", "tests/test_station_position.py"),
-    ("docs/centre.md", f"tests/test_centre.py {CODES}"),
+    ("docs/centre.md", f"tests/test_centre.py tests/test_config.py {CODES} {KEYS}"),
     ("docs/control-centre.md", "test-centre"),
     ("docs/operators-day.md", "tests/centre/test_operators_day.py"),
     ("docs/process-pictures.md", "tests/centre/test_centre_picture_check.py"),

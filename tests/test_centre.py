@@ -186,20 +186,6 @@ def test_example_of_the_page_is_right(programs: Path, tmp_path: Path) -> None:
     assert done.stdout.startswith("stations: 2; polls of them: 6;")
 
 
-def test_page_has_every_key_and_no_other(programs: Path, tmp_path: Path) -> None:
-    """What a wrong key is answered with names all keys; the page's tables are of them."""
-    wrong = {
-        "zzzzzzzzzzzzzz": 1,
-        "tls": {"zzzzzzzzzzzzzz": 1},
-        "stations": [{**station("a", 1), "zzzzzzzzzzzzzz": 1}],
-    }
-    answers = [line for line in check(programs, tmp_path, wrong).stderr.splitlines() if "unknown key" in line]
-    keys = {key for line in answers for key in line.split("expected one of ")[1].split(", ")}
-    rows = re.findall(r"^\| (`\w+`(?:, `\w+`)*) \|", PAGE.read_text(), re.MULTILINE)
-    documented = {key for row in rows for key in re.findall(r"`(\w+)`", row)}
-    assert keys - {"defaults", "stations"} == documented
-
-
 def test_defaults_are_each_stations(programs: Path, tmp_path: Path) -> None:
     reads = [{"common_address": 1, "ioa": 2, "period_ms": 1000}]
     stations = [{"name": "a", "address": "::1"}, {"name": "b", "address": "::1", "reads": []}]

@@ -88,7 +88,7 @@ def test_a_type_and_a_bit_touch_few_files(copy: Copy, directory: Path) -> None:
     assert [path for path in copy.touched if path.removeprefix(SRC) not in page] == []
     said([sys.executable, ROOT / "scripts" / "codes.py", copy.root])
     build = built(copy.root)
-    said([sys.executable, ROOT / "scripts" / "keys.py", build / "rtud/rtud", copy.root])
+    said([sys.executable, ROOT / "scripts" / "keys.py", build, copy.root])
     check_made(copy.root)
     check_gateway(copy.root, build, directory)
 

@@ -954,8 +954,49 @@ def test_patterns_are_regular_expressions_of_javascript() -> None:
 # ---- what is made of the rules -----------------------------------------------------------------------------
 
 
+CENTRE_PLACES = {
+    "": "",
+    "tls": "tls.",
+    "defaults": "defaults.",
+    "station": "stations[0].",
+    "read": "stations[0].reads[0].",
+}
+
+
+def centre_file() -> dict[str, Any]:
+    reads = [{"common_address": 1, "ioa": 1, "period_ms": 1000}]
+    tls = {"certificate": "/own.pem", "key": "/own.key", "ca": "/ca.pem"}
+    station = {"name": "town", "address": "192.0.2.1", "common_addresses": [1], "reads": reads}
+    return {"tls": tls, "defaults": {}, "stations": [station]}
+
+
+def test_rtu_centre_names_a_wrong_value_of_each_kind(programs: Path, tmp_path: Path) -> None:
+    """And its schema refuses it."""
+    program = programs / "centre/rtu-centre"
+    run = subprocess.run([program, "--schema"], capture_output=True, text=True, check=True)
+    schema = json.loads(run.stdout)
+    validator = Draft202012Validator(schema, format_checker=Draft202012Validator.FORMAT_CHECKER)
+    assert validator.is_valid(centre_file())
+    assert {"", *schema["$defs"]} == set(CENTRE_PLACES)
+    path = tmp_path / "centre.json"
+    for name, place in CENTRE_PLACES.items():
+        table = schema["$defs"][name] if name else schema
+        for key, rule in table["properties"].items():
+            whole = schema["$defs"]["station"]["properties"][key] if name == "defaults" else rule
+            for value, message in wrong_values(whole):
+                document = centre_file()
+                edit(document, place + key, value)
+                assert not validator.is_valid(document), (key, value)
+                path.write_text(json.dumps(document))
+                result = subprocess.run(
+                    [program, "--check", path], capture_output=True, text=True, check=False
+                )
+                assert f"{path}:1: {place}{key}: {message}" in result.stderr.splitlines(), (key, value)
+                assert result.returncode == 1
+
+
 def test_schema_and_page_are_made_of_the_rules(programs: Path) -> None:
-    command = [sys.executable, ROOT / "scripts/keys.py", "--check", programs / "rtud/rtud", ROOT]
+    command = [sys.executable, ROOT / "scripts/keys.py", "--check", programs, ROOT]
     run = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (run.returncode, run.stdout, run.stderr) == (0, "", ""), "make keys, and commit what it names"
 

@@ -20,6 +20,87 @@
 #define IOA_MAX           16777215
 #define SINGLE_PLACES     3 /* of polls, of a common address, beside the reads */
 
+enum { READ_CA, READ_IOA, READ_PERIOD, READ_KEYS };
+static const struct config_rule read_rules[READ_KEYS] = {
+    [READ_CA] = {"common_address", CONFIG_INTEGER, .required = true, .low = 1,
+		 .high = IEC104_CA_BROADCAST - 1, CONFIG_SAYS("Common address of the object.")},
+    [READ_IOA] = {"ioa", CONFIG_INTEGER, .required = true, .low = 1, .high = IOA_MAX,
+		  CONFIG_SAYS("Information object address.")},
+    [READ_PERIOD] = {"period_ms", CONFIG_INTEGER, .required = true, .low = 10, .high = PERIOD_MAX_S * 1000.0,
+		     CONFIG_SAYS("Between two reads.")},
+};
+CONFIG_TABLE(read_table, .name = "read", .rules = read_rules, .count = READ_KEYS);
+
+/* A station's keys; those behind its own may be in "defaults", too. */
+enum {
+	STATION_NAME,
+	STATION_ADDRESS,
+	STATION_SECOND,
+	STATION_CERTIFICATE,
+	STATION_PORT,
+	STATION_SECURE,
+	STATION_CAS,
+	STATION_ORIGINATOR,
+	STATION_POSITION_TYPE,
+	STATION_TERMINATES,
+	STATION_INTERROGATE,
+	STATION_INTERROGATION,
+	STATION_COUNTERS,
+	STATION_CLOCK,
+	STATION_READS,
+	STATION_KEYS,
+	STATION_OWN = STATION_PORT
+};
+static const struct config_rule station_rules[STATION_KEYS] = {
+    [STATION_NAME] = {"name", CONFIG_TEXT, .required = true, .low = 1, .high = CENTRE_NAME_SIZE - 1,
+		      CONFIG_SAYS("Name, unlike all others.")},
+    [STATION_ADDRESS] =
+	{"address", CONFIG_TEXT, .required = true, .low = 2, .high = MAP_ADDRESS_SIZE - 1,
+	 CONFIG_SAYS("IP address. Names are not resolved: a resolver that waits would let all stations wait.",
+		     .json = CONFIG_JSON({"anyOf" : [ {"format" : "ipv4"}, {"format" : "ipv6"} ]}))},
+    [STATION_SECOND] = {"second_address", CONFIG_TEXT, .low = 2, .high = MAP_ADDRESS_SIZE - 1,
+			CONFIG_SAYS("IP address of a second link.",
+				    .json =
+					CONFIG_JSON({"anyOf" : [ {"format" : "ipv4"}, {"format" : "ipv6"} ]}),
+				    .see = "centre.md#redundant-links")},
+    [STATION_CERTIFICATE] = {"certificate", CONFIG_TEXT, .low = 1, .high = CHANNEL_TLS_PEER_SIZE - 1,
+			     CONFIG_SAYS("Common name or SHA-256 fingerprint of its certificate; without it "
+					 "any certificate of the CA will do, that of another station, too.")},
+    [STATION_SECURE] = {"secure", CONFIG_BOOLEAN, CONFIG_SAYS("With TLS.", .see = "centre.md#tls")},
+    [STATION_PORT] = {"port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = PORT_PLAIN,
+		      CONFIG_SAYS("TCP port; with `secure` 19998 unless it is given.")},
+    [STATION_CAS] = {"common_addresses", CONFIG_ARRAY, .high = CAS_MAX,
+		     CONFIG_SAYS("Common addresses, for interrogations and clock synchronisation.",
+				 .json = CONFIG_JSON(
+				     {"items" : {"type" : "integer", "minimum" : 1, "maximum" : 65534}}))},
+    [STATION_ORIGINATOR] = {"originator", CONFIG_INTEGER, .low = 0, .high = 255,
+			    CONFIG_SAYS("Originator address of all requests.")},
+    [STATION_POSITION_TYPE] = {"position_type", CONFIG_INTEGER, .low = 0, .high = 255,
+			       .fallback = IEC104_GEOPOSITION,
+			       CONFIG_SAYS("The private type that carries positions, 0 for none.",
+					   .see = "positioning.md")},
+    [STATION_TERMINATES] =
+	{"terminates", CONFIG_BOOLEAN, .fallback = 1,
+	 CONFIG_SAYS("The station ends a command with ACT_TERM; false: its confirmation is the end.")},
+    [STATION_INTERROGATE] =
+	{"interrogate_at_start", CONFIG_BOOLEAN, .fallback = 1,
+	 CONFIG_SAYS("A general interrogation of each common address when data transfer has started; and "
+		     "whenever the station says that it was initialised, if it is interrogated at all. 10 s "
+		     "after one that the station refused, did not answer or did not end, it is repeated.")},
+    [STATION_INTERROGATION] = {"interrogation_s", CONFIG_INTEGER, .low = 0, .high = PERIOD_MAX_S,
+			       CONFIG_SAYS("Between general interrogations; 0: none.")},
+    [STATION_COUNTERS] = {"counters_s", CONFIG_INTEGER, .low = 0, .high = PERIOD_MAX_S,
+			  CONFIG_SAYS("Between counter interrogations; 0: none.")},
+    [STATION_CLOCK] = {"clock_s", CONFIG_INTEGER, .low = 0, .high = PERIOD_MAX_S,
+		       CONFIG_SAYS("Between clock synchronisations, the first at the start; 0: none.")},
+    [STATION_READS] = {"reads", CONFIG_ARRAY, .high = READS_MAX,
+		       CONFIG_SAYS("Objects that are read by themselves.", .table = &read_table)},
+};
+CONFIG_TABLE(station_table, .name = "station", .rules = station_rules, .count = STATION_KEYS);
+CONFIG_TABLE(defaults_table, .name = "defaults", .rules = &station_rules[STATION_OWN],
+	     .count = STATION_KEYS - STATION_OWN, .like = &station_table);
+CONFIG_TABLE(tls_table, .name = "tls", .rules = channel_tls_rules, .count = CHANNEL_TLS_RULES);
+
 enum {
 	FILE_SOCKET,
 	FILE_K,
@@ -50,84 +131,69 @@ enum {
 	FILE_KEYS
 };
 static const struct config_rule file_rules[FILE_KEYS] = {
-    [FILE_SOCKET] = {"socket", CONFIG_TEXT, .low = 1, .high = CENTRE_SOCKET_SIZE - 1},
-    [FILE_K] = {"k", CONFIG_INTEGER, .low = 1, .high = 32767, .fallback = 12},
-    [FILE_W] = {"w", CONFIG_INTEGER, .low = 1, .high = 32767, .fallback = 8},
-    [FILE_T1] = {"t1", CONFIG_INTEGER, .low = 2, .high = 255, .fallback = 15},
-    [FILE_T2] = {"t2", CONFIG_INTEGER, .low = 1, .high = 254, .fallback = 10},
-    [FILE_T3] = {"t3", CONFIG_INTEGER, .low = 1, .high = SECONDS_OF_2_DAYS, .fallback = 20},
-    [FILE_CONFIRMATION] = {"confirmation_ms", CONFIG_INTEGER, .low = 10, .high = 3600000, .fallback = 10000},
-    [FILE_SELECTION] = {"selection_ms", CONFIG_INTEGER, .low = 10, .high = 3600000, .fallback = 60000},
-    [FILE_TERMINATION] = {"termination_ms", CONFIG_INTEGER, .low = 10, .high = 3600000, .fallback = 60000},
-    [FILE_INTERROGATION] = {"interrogation_ms", CONFIG_INTEGER, .low = 10, .high = 3600000,
-			    .fallback = 60000},
-    [FILE_TIMEZONE] = {"timezone", CONFIG_TEXT, .low = 4, .high = 63},
+    [FILE_SOCKET] = {"socket", CONFIG_TEXT, .low = 1, .high = CENTRE_SOCKET_SIZE - 1,
+		     CONFIG_SAYS("Where the consumer connects; `--socket` goes before it.")},
+    [FILE_K] = {"k", CONFIG_INTEGER, .low = 1, .high = 32767, .fallback = 12,
+		CONFIG_SAYS("I frames sent and not yet acknowledged, at most (IEC 60870-5-104, 9.6).")},
+    [FILE_W] = {"w", CONFIG_INTEGER, .low = 1, .high = 32767, .fallback = 8,
+		CONFIG_SAYS("I frames received before they are acknowledged, at most `k`.")},
+    [FILE_T1] = {"t1", CONFIG_INTEGER, .low = 2, .high = 255, .fallback = 15,
+		 CONFIG_SAYS("Until a frame that is not acknowledged closes the connection.", .unit = "s")},
+    [FILE_T2] = {"t2", CONFIG_INTEGER, .low = 1, .high = 254, .fallback = 10,
+		 CONFIG_SAYS("Until received I frames are acknowledged; less than `t1`.", .unit = "s")},
+    [FILE_T3] = {"t3", CONFIG_INTEGER, .low = 1, .high = SECONDS_OF_2_DAYS, .fallback = 20,
+		 CONFIG_SAYS("Silence until a test frame is sent.", .unit = "s")},
+    [FILE_CONFIRMATION] = {"confirmation_ms", CONFIG_INTEGER, .low = 10, .high = 3600000, .fallback = 10000,
+			   CONFIG_SAYS("How long is waited for a confirmation.")},
+    [FILE_SELECTION] = {"selection_ms", CONFIG_INTEGER, .low = 10, .high = 3600000, .fallback = 60000,
+			CONFIG_SAYS("How long is waited for the execution of a selection.")},
+    [FILE_TERMINATION] = {"termination_ms", CONFIG_INTEGER, .low = 10, .high = 3600000, .fallback = 60000,
+			  CONFIG_SAYS("How long is waited for the end of a command.")},
+    [FILE_INTERROGATION] = {"interrogation_ms", CONFIG_INTEGER, .low = 10, .high = 3600000, .fallback = 60000,
+			    CONFIG_SAYS("How long is waited for the end of an interrogation.")},
+    [FILE_TIMEZONE] =
+	{"timezone", CONFIG_TEXT, .low = 4, .high = 63,
+	 CONFIG_SAYS("Time zone of the time tags, as UTC0 or CET-1CEST,M3.5.0,M10.5.0/3. Without it, UTC.")},
     [FILE_CONNECTIONS_AT_ONCE] = {"connections_at_once", CONFIG_INTEGER, .low = 1, .high = 65535,
-				  .fallback = 64},
-    [FILE_POLLS_AT_ONCE] = {"polls_at_once", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = 256},
-    [FILE_CONNECT] = {"connect_ms", CONFIG_INTEGER, .low = 10, .high = 600000, .fallback = 10000},
-    [FILE_SLOW] = {"slow_ms", CONFIG_INTEGER, .low = 1, .high = 60000, .fallback = 500},
-    [FILE_RETRY] = {"retry_ms", CONFIG_INTEGER, .low = 10, .high = 3600000, .fallback = 1000},
-    [FILE_RETRY_MAX] = {"retry_max_ms", CONFIG_INTEGER, .low = 10, .high = 3600000, .fallback = 60000},
+				  .fallback = 64,
+				  CONFIG_SAYS("How many connections are being made at once.")},
+    [FILE_POLLS_AT_ONCE] = {"polls_at_once", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = 256,
+			    CONFIG_SAYS("How many polls are under way at once.")},
+    [FILE_CONNECT] = {"connect_ms", CONFIG_INTEGER, .low = 10, .high = 600000, .fallback = 10000,
+		      CONFIG_SAYS("How long a connection may take.")},
+    [FILE_SLOW] =
+	{"slow_ms", CONFIG_INTEGER, .low = 1, .high = 60000, .fallback = 500,
+	 CONFIG_SAYS(
+	     "Whoever takes longer gives back its place among those that are connected or polled at once.")},
+    [FILE_RETRY] = {"retry_ms", CONFIG_INTEGER, .low = 10, .high = 3600000, .fallback = 1000,
+		    CONFIG_SAYS("The pause before the next attempt; it doubles with each one that fails. A "
+				"connection that lasted longer than its pause begins anew.")},
+    [FILE_RETRY_MAX] = {"retry_max_ms", CONFIG_INTEGER, .low = 10, .high = 3600000, .fallback = 60000,
+			CONFIG_SAYS("The longest pause before the next attempt.")},
     [FILE_RECEIVE] = {"receive_octets", CONFIG_INTEGER, .low = IEC104_INPUT_LEAST, .high = 16384,
-		      .fallback = 1024},
-    [FILE_SEND] = {"send_octets", CONFIG_INTEGER, .low = IEC104_OUTPUT_LEAST, .high = 16384, .fallback = 512},
-    [FILE_BATCHES] = {"batches", CONFIG_INTEGER, .low = 2, .high = 65536, .fallback = 32},
+		      .fallback = 1024, CONFIG_SAYS("The buffer of a connection for what is received.")},
+    [FILE_SEND] = {"send_octets", CONFIG_INTEGER, .low = IEC104_OUTPUT_LEAST, .high = 16384, .fallback = 512,
+		   CONFIG_SAYS("The buffer of a connection for what is sent.")},
+    [FILE_BATCHES] = {"batches", CONFIG_INTEGER, .low = 2, .high = 65536, .fallback = 32,
+		      CONFIG_SAYS("Room for so many batches of records.")},
     [FILE_BATCH_RECORDS] = {"batch_records", CONFIG_INTEGER, .low = 1, .high = CENTRE_BATCH_MAX,
-			    .fallback = 512},
-    [FILE_IN_FLIGHT] = {"batches_in_flight", CONFIG_INTEGER, .low = 1, .high = 1024, .fallback = 4},
-    [FILE_SHARDS] = {"shards", CONFIG_INTEGER, .low = 1, .high = CENTRE_SHARDS_MAX, .fallback = 1},
-    [FILE_TLS] = {"tls", CONFIG_OBJECT},
-    [FILE_DEFAULTS] = {"defaults", CONFIG_OBJECT},
-    [FILE_STATIONS] = {"stations", CONFIG_ARRAY, .required = true, .high = CENTRE_STATIONS_MAX},
+			    .fallback = 512, CONFIG_SAYS("Records of a batch, at most.")},
+    [FILE_IN_FLIGHT] = {"batches_in_flight", CONFIG_INTEGER, .low = 1, .high = 1024, .fallback = 4,
+			CONFIG_SAYS("How many batches may wait for their acknowledgement.")},
+    [FILE_SHARDS] = {"shards", CONFIG_INTEGER, .low = 1, .high = CENTRE_SHARDS_MAX, .fallback = 1,
+		     CONFIG_SAYS("How many processes share the stations.",
+				 .see = "centre.md#a-shard-a-core")},
+    [FILE_TLS] = {"tls", CONFIG_OBJECT,
+		  CONFIG_SAYS("Who this centre is for stations with TLS.", .table = &tls_table)},
+    [FILE_DEFAULTS] = {"defaults", CONFIG_OBJECT,
+		       CONFIG_SAYS(
+			   "What stations have that do not say it themselves: any key from `port` on.",
+			   .table = &defaults_table)},
+    [FILE_STATIONS] = {"stations", CONFIG_ARRAY, .required = true, .high = CENTRE_STATIONS_MAX,
+		       CONFIG_SAYS("The stations.", .table = &station_table)},
 };
-
-/* A station's keys; those behind its own may be in "defaults", too. */
-enum {
-	STATION_NAME,
-	STATION_ADDRESS,
-	STATION_SECOND,
-	STATION_CERTIFICATE,
-	STATION_PORT,
-	STATION_SECURE,
-	STATION_CAS,
-	STATION_ORIGINATOR,
-	STATION_POSITION_TYPE,
-	STATION_TERMINATES,
-	STATION_INTERROGATE,
-	STATION_INTERROGATION,
-	STATION_COUNTERS,
-	STATION_CLOCK,
-	STATION_READS,
-	STATION_KEYS,
-	STATION_OWN = STATION_PORT
-};
-static const struct config_rule station_rules[STATION_KEYS] = {
-    [STATION_NAME] = {"name", CONFIG_TEXT, .required = true, .low = 1, .high = CENTRE_NAME_SIZE - 1},
-    [STATION_ADDRESS] = {"address", CONFIG_TEXT, .required = true, .low = 2, .high = MAP_ADDRESS_SIZE - 1},
-    [STATION_SECOND] = {"second_address", CONFIG_TEXT, .low = 2, .high = MAP_ADDRESS_SIZE - 1},
-    [STATION_CERTIFICATE] = {"certificate", CONFIG_TEXT, .low = 1, .high = CHANNEL_TLS_PEER_SIZE - 1},
-    [STATION_SECURE] = {"secure", CONFIG_BOOLEAN},
-    [STATION_PORT] = {"port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = PORT_PLAIN},
-    [STATION_CAS] = {"common_addresses", CONFIG_ARRAY, .high = CAS_MAX},
-    [STATION_ORIGINATOR] = {"originator", CONFIG_INTEGER, .low = 0, .high = 255},
-    [STATION_POSITION_TYPE] = {"position_type", CONFIG_INTEGER, .low = 0, .high = 255,
-			       .fallback = IEC104_GEOPOSITION},
-    [STATION_TERMINATES] = {"terminates", CONFIG_BOOLEAN, .fallback = 1},
-    [STATION_INTERROGATE] = {"interrogate_at_start", CONFIG_BOOLEAN, .fallback = 1},
-    [STATION_INTERROGATION] = {"interrogation_s", CONFIG_INTEGER, .low = 0, .high = PERIOD_MAX_S},
-    [STATION_COUNTERS] = {"counters_s", CONFIG_INTEGER, .low = 0, .high = PERIOD_MAX_S},
-    [STATION_CLOCK] = {"clock_s", CONFIG_INTEGER, .low = 0, .high = PERIOD_MAX_S},
-    [STATION_READS] = {"reads", CONFIG_ARRAY, .high = READS_MAX},
-};
-
-enum { READ_CA, READ_IOA, READ_PERIOD, READ_KEYS };
-static const struct config_rule read_rules[READ_KEYS] = {
-    [READ_CA] = {"common_address", CONFIG_INTEGER, .required = true, .low = 1,
-		 .high = IEC104_CA_BROADCAST - 1},
-    [READ_IOA] = {"ioa", CONFIG_INTEGER, .required = true, .low = 1, .high = IOA_MAX},
-    [READ_PERIOD] = {"period_ms", CONFIG_INTEGER, .required = true, .low = 10, .high = PERIOD_MAX_S * 1000.0},
-};
+CONFIG_SHARED_TABLE(centre_file_table, .name = "file", .rules = file_rules, .count = FILE_KEYS,
+		    .json = CONFIG_JSON({"title" : "rtu-centre"}));
 
 /* The station that is read. */
 struct reading {

@@ -61,4 +61,7 @@ uint32_t centre_config_place(const struct centre_config *config, uint32_t statio
 bool centre_config_station(const struct centre_config *config, uint32_t place, uint32_t *station);
 void centre_config_free(struct centre_config *config);
 
+/* The keys of the file, in a build with the option schema. */
+extern const struct config_table centre_file_table;
+
 #endif

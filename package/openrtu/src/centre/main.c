@@ -11,16 +11,23 @@
 #include "centre/loop.h"
 #include "centre/shards.h"
 #include "centre/stations.h"
+#include "config/schema.h"
 
 #define FILES_BESIDE 16 /* open files beside the connections */
 
 static const char usage[] =
     "usage: rtu-centre [OPTION]... FILE\n"
     "  or:  rtu-centre --check FILE\n"
+#if OPENRTU_SCHEMA
+    "  or:  rtu-centre --schema\n"
+#endif
     "\n"
     "Polls the stations of IEC 60870-5-104 that FILE names, and hands what they say to one consumer on a "
     "Unix\n"
     "socket. --check reports every error in FILE instead, or what the stations take.\n"
+#if OPENRTU_SCHEMA
+    "--schema prints the JSON Schema of such a FILE.\n"
+#endif
     "\n"
     "  --socket PATH    the socket, in the place of the one that FILE names; with several shards PATH.0, "
     "PATH.1 ...\n"
@@ -35,17 +42,15 @@ static const char usage[] =
 
 struct arguments {
 	const char *file, *socket;
-	bool check, help, version;
+	bool check, schema, help, version;
 };
 
 static bool parse(int argc, char **argv, struct arguments *arguments)
 {
 	static const struct option options[] = {
-	    {"check", no_argument, NULL, 'c'},
-	    {"socket", required_argument, NULL, 's'},
-	    {"help", no_argument, NULL, 'h'},
-	    {"version", no_argument, NULL, 'V'},
-	    {NULL, 0, NULL, 0},
+	    {"check", no_argument, NULL, 'c'},        {"schema", no_argument, NULL, 'S'},
+	    {"socket", required_argument, NULL, 's'}, {"help", no_argument, NULL, 'h'},
+	    {"version", no_argument, NULL, 'V'},      {NULL, 0, NULL, 0},
 	};
 	int option;
 
@@ -57,6 +62,9 @@ static bool parse(int argc, char **argv, struct arguments *arguments)
 		case 's':
 			arguments->socket = optarg;
 			break;
+		case 'S':
+			arguments->schema = true;
+			return true;
 		case 'h':
 			arguments->help = true;
 			return true;
@@ -214,6 +222,16 @@ static int run(struct centre_config *config, const char *path)
 	return code;
 }
 
+static int print_schema(void)
+{
+#if OPENRTU_SCHEMA
+	return config_print_schema(&centre_file_table, stdout) ? 0 : 1;
+#else
+	fputs("rtu-centre: --schema needs -Dschema=true\n", stderr);
+	return 2;
+#endif
+}
+
 int main(int argc, char **argv)
 {
 	struct arguments arguments = {.file = NULL};
@@ -228,6 +246,8 @@ int main(int argc, char **argv)
 		fputs(arguments.help ? usage : "rtu-centre (OpenRTU) " OPENRTU_VERSION "\n", stdout);
 		return 0;
 	}
+	if (arguments.schema)
+		return print_schema();
 	code = (int)centre_config_load(arguments.file, &config, stderr);
 	if (code == CENTRE_CONFIG_GOOD)
 		code = arguments.check

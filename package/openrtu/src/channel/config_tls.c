@@ -21,14 +21,16 @@ enum {
 	TLS_KEYS
 };
 const struct config_rule channel_tls_rules[CHANNEL_TLS_RULES] = {
-    [TLS_CERTIFICATE] = {"certificate", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_FILE_SIZE - 1,
-			 CONFIG_SAYS("Absolute path of the gateway's own certificate, PEM; followed in the "
-				     "file by the chain to its CA.",
-				     .pattern = "^/[^\\u0000-\\u001f\\u007f]*$")},
+    [TLS_CERTIFICATE] =
+	{"certificate", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_FILE_SIZE - 1,
+	 CONFIG_SAYS(
+	     "Absolute path of one's own certificate, PEM; followed in the file by the chain to its CA.",
+	     .pattern = "^/[^\\u0000-\\u001f\\u007f]*$")},
     [TLS_KEY] = {"key", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_FILE_SIZE - 1,
-		 CONFIG_SAYS("Absolute path of its key, PEM without a passphrase. Only the module's user, or "
-			     "its group, may read it: that of rtu-iec104, rtu-iec61850 or rtu-104m.",
-			     .pattern = "^/[^\\u0000-\\u001f\\u007f]*$")},
+		 CONFIG_SAYS(
+		     "Absolute path of its key, PEM without a passphrase. Only the program's user, or its "
+		     "group, may read it: that of rtu-iec104, rtu-iec61850, rtu-104m or rtu-centre.",
+		     .pattern = "^/[^\\u0000-\\u001f\\u007f]*$")},
     [TLS_CA] =
 	{"ca", CONFIG_TEXT, .required = true, .low = 1, .high = MAP_FILE_SIZE - 1,
 	 CONFIG_SAYS(

@@ -78,6 +78,7 @@ struct config_rule {
  * What rtud --schema says of a rule, and what a reader of files has no use for: only a build with the option schema has it. The
  * sentence comes first, then other fields of the rule.
  */
+struct config_table;
 #if OPENRTU_SCHEMA
 /* A table of rules, as the schema calls it. */
 struct config_table {

@@ -232,7 +232,8 @@ static bool put_definitions(json_t *definitions, const struct config_table *tabl
 	       (put(definitions, table->name, definition(table)) && put_children(definitions, table));
 }
 
-json_t *config_schema(const struct config_table *file)
+/* In $defs are the tables that the rules lead to. NULL: there is no memory. */
+static json_t *schema_of(const struct config_table *file)
 {
 	json_t *out = json_pack("{s:s}", "$schema", "https://json-schema.org/draft/2020-12/schema");
 	json_t *definitions = json_object(), *outermost = definition(file);
@@ -249,4 +250,13 @@ json_t *config_schema(const struct config_table *file)
 		return out;
 	json_decref(out);
 	return NULL;
+}
+
+bool config_print_schema(const struct config_table *file, FILE *out)
+{
+	json_t *schema = schema_of(file);
+	bool printed = schema != NULL && json_dumpf(schema, out, JSON_INDENT(2)) == 0;
+
+	json_decref(schema);
+	return printed && fputc('\n', out) != EOF && fflush(out) == 0;
 }

@@ -24,9 +24,6 @@ bool schema_print(FILE *out)
 	struct config_rule rules[CONFIG_FILE_KEYS_MAX];
 	const struct config_table file = {
 	    .rules = rules, .count = config_file_rules(parts, kinds_parts(parts), rules), .json = of_file};
-	json_t *schema = config_schema(&file);
-	bool printed = schema != NULL && json_dumpf(schema, out, JSON_INDENT(2)) == 0;
 
-	json_decref(schema);
-	return printed && fputc('\n', out) != EOF && fflush(out) == 0;
+	return config_print_schema(&file, out);
 }
