@@ -235,11 +235,11 @@ def test_lines_show_what_was_learned(bench: Bench) -> None:
         table = gateway.ctl("lines").split("\n\n")[3].splitlines()
         assert table[0].split() == [
             *("PORT", "ID", "LEAST", "MS", "TYPICAL", "MS", "MOST", "MS"),
-            *("BITS", "REGISTERS", "REFUSED"),
+            *("PAUSE", "MS", "BITS", "REGISTERS", "REFUSED"),
         ]
-        assert table[1].endswith("    10         10  20 bits; 20 registers")
-        assert table[2].endswith("     0         20  hole at holding registers 5 to 7")
-        assert table[3].endswith("     0          4  holding register 5")
+        assert table[1].endswith("       0    10         10  20 bits; 20 registers")
+        assert table[2].endswith("       0     0         20  hole at holding registers 5 to 7")
+        assert table[3].endswith("       0     0          4  holding register 5")
         device = devices(gateway)[HOLED]
         # linesim answers 2 ms behind the silence of 1.75 ms.
         assert 3.75 <= device["latency_least_ms"] <= device["latency_typical_ms"] <= device["latency_most_ms"]

@@ -285,6 +285,7 @@ void modbus_line_init(struct modbus_line *line)
 {
 	for (uint32_t i = 0; i < line->device_count; i++) {
 		modbus_objects_sort(line->devices[i].objects, line->devices[i].object_count);
+		modbus_pause_begin(&line->devices[i].pause, line->devices[i].pause_ns);
 		modbus_replan(line, &line->devices[i]);
 	}
 	line->state = MODBUS_CLOSED;

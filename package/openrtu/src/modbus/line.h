@@ -59,6 +59,7 @@
 #include "learned.h"
 #include "map/time_ns.h"
 #include "mbap.h"
+#include "pause.h"
 #include "period.h"
 #include "plan.h"
 
@@ -134,6 +135,7 @@ struct modbus_device {
 	/* For the caller to look at. */
 	struct modbus_device_counters counters;
 	struct modbus_latency latency;
+	struct modbus_pause pause;
 	uint32_t read_count;
 	bool news;          /* of what it takes (learned.h); the caller's to clear */
 	int64_t backoff_ns; /* in force while it is dead, else 0 */
@@ -183,6 +185,8 @@ struct modbus_events {
 	void (*mute)(void *context, uint32_t device);
 	/* The answer to what had timed out: so long after it was asked, or the device had ended what it was asked before. */
 	void (*late)(void *context, uint32_t device, int64_t latency_ns, int64_t now_ns);
+	/* The device needs that pause behind its answer. */
+	void (*pause)(void *context, uint32_t device, int64_t pause_ns, int64_t now_ns);
 	/* What was asked of the device, another unit answers. */
 	void (*stranger)(void *context, uint32_t device, uint8_t unit, int64_t now_ns);
 };

@@ -29,10 +29,15 @@ struct modbus_backend {
 /* It has objects, and is no broadcast address. */
 bool modbus_is_readable(const struct modbus_device *device);
 
-/* When it may be asked, as far as its pause goes. */
+/* When it may be read, as far as its pause goes; when it may be written. */
 static inline int64_t modbus_ready_ns(const struct modbus_device *device)
 {
-	return device->spoken_ns + device->pause_ns;
+	return device->spoken_ns + device->pause.tried_ns;
+}
+
+static inline int64_t modbus_surely_ready_ns(const struct modbus_device *device)
+{
+	return device->spoken_ns + device->pause.kept_ns;
 }
 
 /* A request whose time-out has passed: its answer may still come (line.h, "Late answers"). */

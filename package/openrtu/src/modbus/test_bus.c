@@ -86,11 +86,20 @@ static void on_stranger(void *context, uint32_t device, uint8_t unit, int64_t no
 	bus.stranger = unit;
 }
 
+static void on_pause(void *context, uint32_t device, int64_t pause_ns, int64_t now_ns)
+{
+	assert_ptr_equal(context, &bus);
+	assert_int_equal(now_ns, bus.now_ns);
+	bus.pauses[device]++;
+	bus.pause_ns[device] = pause_ns;
+}
+
 static const struct modbus_events events = {.read = on_read,
 					    .refused = on_refused,
 					    .alive = on_alive,
 					    .command = on_command,
 					    .late = on_late,
+					    .pause = on_pause,
 					    .stranger = on_stranger};
 
 /* ---- the devices -------------------------------------------------------------------------------- */

@@ -97,6 +97,8 @@ struct bus {
 	int64_t last_read_ns[DEVICES_MAX], longest_ns[DEVICES_MAX]; /* between two reads */
 	unsigned deaths[DEVICES_MAX], births[DEVICES_MAX];
 	int64_t died_ns[DEVICES_MAX];
+	unsigned pauses[DEVICES_MAX]; /* said */
+	int64_t pause_ns[DEVICES_MAX];
 	unsigned lates[DEVICES_MAX], strangers[DEVICES_MAX];
 	int64_t late_ns[DEVICES_MAX]; /* the latest */
 	uint8_t stranger;             /* the latest */

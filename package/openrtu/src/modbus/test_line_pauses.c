@@ -117,6 +117,174 @@ static void test_a_pause_is_kept_on_tcp(void **state)
 			10 * SECOND / PAUSE_NS);
 }
 
+/* ---- what is learned ---------------------------------------------------------------------- */
+
+static void set_up_alone(bool tcp, int64_t pause_ns, uint8_t retries)
+{
+	set_up();
+	if (tcp)
+		use_tcp();
+	add_device(1, retries);
+	add_objects(MODBUS_READ_HOLDING_REGISTERS, 0, 8);
+	add_objects(MODBUS_READ_HOLDING_REGISTERS, 400, 8);
+	bus.devices[0].response_timeout_ns = 500 * MS;
+	bus.devices[0].response_timeout_min_ns = 100 * MS;
+	bus.slaves[0].pause_ns = pause_ns;
+	start();
+}
+
+/* Within so long it is known to a quarter, and said; then the device lives, and is read as often as it can be. */
+static void learns(bool tcp, int64_t pause_ns, uint8_t retries, int64_t within_ns)
+{
+	int64_t kept_ns;
+
+	set_up_alone(tcp, pause_ns, retries);
+	run_for(within_ns);
+	kept_ns = bus.devices[0].pause.kept_ns;
+	assert_true(kept_ns >= pause_ns);
+	if (retries > 0)
+		assert_true(kept_ns <= pause_ns + pause_ns / 3 + 15 * MS);
+	assert_in_range(bus.pauses[0], 1, 2);
+	assert_int_equal(bus.pause_ns[0], kept_ns);
+	forget_trace();
+	bus.deaths[0] = 0;
+	run_for(40 * SECOND);
+	assert_int_equal(bus.deaths[0], 0);
+	assert_true(bus.reads_done[0] > 40 * SECOND / (kept_ns + 100 * MS) * 9 / 10);
+	assert_in_range(bus.line.counters.timeouts, 0, 1);
+	assert_int_equal(bus.devices[0].read_count, 2); /* nothing was divided */
+}
+
+static void test_a_pause_is_learned_on_a_serial_line(void **state)
+{
+	(void)state;
+	learns(false, 20 * MS, 1, 10 * SECOND);
+	learns(false, 50 * MS, 1, 10 * SECOND);
+	learns(false, 100 * MS, 1, 10 * SECOND);
+	learns(false, 100 * MS, 3, 10 * SECOND);
+}
+
+static void test_a_pause_is_learned_on_tcp(void **state)
+{
+	(void)state;
+	learns(true, 30 * MS, 1, 10 * SECOND);
+	learns(true, 300 * MS, 1, 10 * SECOND);
+	learns(true, 850 * MS, 1, 20 * SECOND);
+	learns(true, 850 * MS, 0, 20 * SECOND);
+	learns(true, 2500 * MS, 1, 60 * SECOND);
+}
+
+/* As soon as it needs none, none is kept, within a minute and some. */
+static void test_a_pause_that_is_not_needed_any_more_is_forgotten(void **state)
+{
+	(void)state;
+	set_up_alone(false, 50 * MS, 1);
+	run_for(10 * SECOND);
+	assert_true(bus.devices[0].pause.kept_ns > 0);
+	bus.slaves[0].pause_ns = 0;
+	run_for(70 * SECOND);
+	assert_int_equal(bus.devices[0].pause.kept_ns, 0);
+	assert_int_equal(bus.deaths[0], 0);
+}
+
+/* Not below what the configuration says, and from there on. */
+static void test_a_pause_is_learned_above_that_of_the_configuration(void **state)
+{
+	(void)state;
+	set_up();
+	add_device(1, 1);
+	add_objects(MODBUS_READ_HOLDING_REGISTERS, 0, 8);
+	bus.devices[0].pause_ns = 30 * MS;
+	bus.slaves[0].pause_ns = 60 * MS;
+	start();
+	run_for(20 * SECOND);
+	assert_in_range(bus.devices[0].pause.kept_ns, 60 * MS, 90 * MS);
+	bus.slaves[0].pause_ns = 0;
+	run_for(70 * SECOND);
+	assert_int_equal(bus.devices[0].pause.kept_ns, 30 * MS);
+}
+
+/* Noise spoils answers at random: what is learned of it, if anything, is gone within minutes, and costs little. */
+static void test_noise_is_no_pause(void **state)
+{
+	uint32_t seed = 9;
+	unsigned held = 0;
+
+	(void)state;
+	set_up_alone(false, 0, 1);
+	for (unsigned i = 0; i < 60000; i++) {
+		if (random_next(&seed) % 10 == 0) {
+			bus.slaves[0].faults = 1;
+			bus.slaves[0].fault = MUTE;
+		}
+		run_for(30 * MS);
+		held += bus.devices[0].pause.kept_ns > 20 * MS;
+	}
+	assert_true(held < 60000 / 50);
+}
+
+/* A read that is never answered, whatever the pause, is divided as before. */
+static void test_a_read_that_is_not_given_is_no_pause(void **state)
+{
+	(void)state;
+	set_up();
+	add_device(1, 1);
+	add_objects(MODBUS_READ_HOLDING_REGISTERS, 0, 8);
+	bus.slaves[0].deaf = 3;
+	start();
+	run_for(60 * SECOND);
+	assert_int_equal(bus.devices[0].pause.kept_ns, 0);
+	assert_int_equal(bus.pauses[0], 0);
+	assert_true(bus.devices[0].read_count > 1);
+	assert_int_equal(bus.deaths[0], 0);
+}
+
+/* A device that was away for long is no device that wants to be left alone. */
+static void test_a_device_that_was_away_needs_no_pause(void **state)
+{
+	(void)state;
+	set_up_alone(true, 0, 1);
+	for (unsigned i = 0; i < 20; i++) {
+		run_for(SECOND);
+		bus.slaves[0].present = false;
+		run_for(i * SECOND);
+		bus.slaves[0].present = true;
+		run_for(60 * SECOND);
+		assert_int_equal(bus.devices[0].pause.kept_ns, 0);
+	}
+	assert_int_equal(bus.pauses[0], 0);
+}
+
+/* Another of the line is read as before while the pause is being learned, and after. */
+static void test_to_learn_a_pause_costs_the_neighbour_little(void **state)
+{
+	(void)state;
+	set_up_pair();
+	bus.slaves[0].pause_ns = 300 * MS;
+	start();
+	run_for(60 * SECOND);
+	assert_in_range(bus.devices[0].pause.kept_ns, 300 * MS, 420 * MS);
+	forget_trace();
+	run_for(30 * SECOND);
+	assert_int_equal(bus.deaths[1], 0);
+	assert_true(bus.longest_ns[1] < 2 * TIMEOUT_NS);
+	assert_true(sent_to(2) > 30 * SECOND / (25 * MS));
+}
+
+/* A command is not sent behind a pause that is only tried. */
+static void test_no_command_is_lost_to_a_try(void **state)
+{
+	(void)state;
+	set_up_alone(true, 300 * MS, 1);
+	run_for(10 * SECOND);
+	for (uint32_t i = 0; i < 300; i++) {
+		command(0, MODBUS_WRITE_REGISTER, 3, (uint16_t)i, i);
+		run_for(SECOND);
+		assert_int_equal(bus.last_result, MODBUS_DONE);
+		assert_int_equal(bus.last_tag, i);
+	}
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -125,6 +293,15 @@ int main(void)
 	    cmocka_unit_test(test_a_scan_ends_with_the_slowest),
 	    cmocka_unit_test(test_a_command_and_its_read_back_wait_for_the_pause),
 	    cmocka_unit_test(test_a_pause_is_kept_on_tcp),
+	    cmocka_unit_test(test_a_pause_is_learned_on_a_serial_line),
+	    cmocka_unit_test(test_a_pause_is_learned_on_tcp),
+	    cmocka_unit_test(test_a_pause_that_is_not_needed_any_more_is_forgotten),
+	    cmocka_unit_test(test_a_pause_is_learned_above_that_of_the_configuration),
+	    cmocka_unit_test(test_noise_is_no_pause),
+	    cmocka_unit_test(test_a_read_that_is_not_given_is_no_pause),
+	    cmocka_unit_test(test_a_device_that_was_away_needs_no_pause),
+	    cmocka_unit_test(test_to_learn_a_pause_costs_the_neighbour_little),
+	    cmocka_unit_test(test_no_command_is_lost_to_a_try),
 	};
 	return cmocka_run_group_tests_name("modbus line pauses", tests, NULL, NULL);
 }

@@ -26,6 +26,7 @@ size_t modbus_begin(struct modbus_line *line, enum modbus_purpose purpose, uint3
 	line->sent_ns = now_ns + line->wire.before_ns + (int64_t)length * line->wire.char_ns;
 	line->state = broadcast ? MODBUS_TURNAROUND : MODBUS_WAITING;
 	line->deadline_ns = line->sent_ns + (broadcast ? MODBUS_BROADCAST_NS : timeout_of(line, device));
+	modbus_pause_asked(&device->pause, device->spoken_ns > 0 ? begun_ns(line) - device->spoken_ns : 0);
 	device->spoken_ns = line->sent_ns;
 	line->counters.requests++;
 	device->counters.requests++;
@@ -96,6 +97,26 @@ static bool is_unreachable(const struct modbus_line *line, uint8_t exception)
 	return line->backend->has_gateways && (exception == MODBUS_NO_PATH || exception == MODBUS_NO_TARGET);
 }
 
+/* What it did not answer so far was asked too soon: no read is to blame. */
+static void forgive_reads(struct modbus_device *device)
+{
+	for (uint32_t i = 0; i < device->read_count; i++)
+		device->reads[i].failures = 0;
+}
+
+static void learn_pause(struct modbus_line *line, int64_t now_ns)
+{
+	struct modbus_device *device = &line->devices[line->device];
+	bool patient = device->retries > 0;
+	int64_t news_ns;
+
+	if (modbus_pause_answered(&device->pause, patient, now_ns))
+		forgive_reads(device);
+	news_ns = modbus_pause_news(&device->pause, patient);
+	if (news_ns > 0 && line->events->pause != NULL)
+		line->events->pause(line->context, line->device, news_ns, now_ns);
+}
+
 void modbus_request_answered(struct modbus_line *line, const uint8_t *body, bool is_exception, int64_t now_ns)
 {
 	struct modbus_device *device = &line->devices[line->device];
@@ -120,10 +141,12 @@ void modbus_request_answered(struct modbus_line *line, const uint8_t *body, bool
 		read_answered(line, body + 3, now_ns);
 	else if (line->purpose == MODBUS_SCAN && !unreachable)
 		read_refused(line, exception, now_ns);
-	if (unreachable)
+	if (unreachable) {
 		modbus_device_silent(line, line->device, now_ns);
-	else
+	} else {
+		learn_pause(line, now_ns);
 		modbus_device_answered(line, line->device, now_ns);
+	}
 }
 
 /* What it says is what the device that was asked would say. */
@@ -146,6 +169,7 @@ void modbus_tell_late(struct modbus_line *line, uint32_t index, int64_t sent_ns,
 	if (sent_ns != 0 && latency_ns > 0 && line->events->late != NULL)
 		line->events->late(line->context, index, latency_ns, now_ns);
 	device->heard_ns = device->spoken_ns = now_ns;
+	modbus_pause_was_late(&device->pause);
 }
 
 void modbus_count_wrong_answer(struct modbus_line *line, const uint8_t *body, size_t length, int64_t now_ns)
@@ -167,7 +191,7 @@ void modbus_count_wrong_answer(struct modbus_line *line, const uint8_t *body, si
 		line->events->stranger(line->context, line->device, body[0], now_ns);
 }
 
-static void request_unanswered(struct modbus_line *line, int64_t now_ns)
+static void request_unanswered(struct modbus_line *line, bool too_soon, int64_t now_ns)
 {
 	struct modbus_device *device = &line->devices[line->device];
 
@@ -175,7 +199,7 @@ static void request_unanswered(struct modbus_line *line, int64_t now_ns)
 	modbus_end(line, later(now_ns, line->last_byte_ns + MODBUS_GAP_NS), now_ns);
 	if (line->purpose == MODBUS_COMMAND)
 		modbus_end_command(line, MODBUS_TIMED_OUT, 0);
-	else if (line->purpose == MODBUS_SCAN)
+	else if (line->purpose == MODBUS_SCAN && !too_soon)
 		device->reads[line->read].failures++;
 	modbus_device_silent(line, line->device, now_ns);
 }
@@ -185,12 +209,12 @@ void modbus_answer_garbled(struct modbus_line *line, int64_t now_ns)
 	line->counters.crc_errors++;
 	line->devices[line->device].counters.errors++;
 	line->received_count = line->strays = 0;
-	request_unanswered(line, now_ns);
+	request_unanswered(line, false, now_ns);
 }
 
 void modbus_request_timed_out(struct modbus_line *line, int64_t now_ns)
 {
 	line->counters.timeouts++;
 	line->devices[line->device].counters.timeouts++;
-	request_unanswered(line, now_ns);
+	request_unanswered(line, modbus_pause_unanswered(&line->devices[line->device].pause, now_ns), now_ns);
 }

@@ -44,7 +44,7 @@ static size_t begin_command(struct modbus_line *line, int64_t now_ns)
 		struct modbus_device *device = &line->devices[index];
 		size_t length = 0;
 
-		if (!is_first_of_device(line, place) || !is_ready(device, now_ns))
+		if (!is_first_of_device(line, place) || now_ns < modbus_surely_ready_ns(device))
 			continue;
 		modbus_forget_unanswered(device, now_ns);
 		if (!modbus_owes(device, line->commands[place].request.function) &&
@@ -280,6 +280,8 @@ int64_t modbus_next_due(const struct modbus_line *line, int64_t now_ns)
 			due = earlier(due, device->trust_ns);
 		if (!is_ready(device, now_ns))
 			due = earlier(due, modbus_ready_ns(device));
+		if (line->command_count > 0 && now_ns < modbus_surely_ready_ns(device))
+			due = earlier(due, modbus_surely_ready_ns(device));
 		if (modbus_may_be_busy(device, now_ns))
 			due = earlier(due, device->trust_ns - MODBUS_LATE_NS);
 		if (!device->alive && modbus_is_readable(device) &&

@@ -20,6 +20,7 @@ static const struct listing_column columns[] = {
     {"latency_least_ms", "LEAST MS", LISTING_RIGHT},
     {"latency_typical_ms", "TYPICAL MS", LISTING_RIGHT},
     {"latency_most_ms", "MOST MS", LISTING_RIGHT},
+    {"pause_ms", "PAUSE MS", LISTING_RIGHT},
     {"given_bits", "BITS", LISTING_RIGHT},
     {"given_registers", "REGISTERS", LISTING_RIGHT},
     {"refused", "REFUSED", LISTING_TEXT},

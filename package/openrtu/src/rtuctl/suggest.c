@@ -183,8 +183,20 @@ static void judge_reaction(struct device *device)
 	       latency_ms);
 }
 
+static void judge_pause(struct device *device)
+{
+	uint32_t pause_us = atomic_load_explicit(&device->stats->pause_us, memory_order_relaxed);
+	uint32_t pause_ms = (uint32_t)((pause_us + US_PER_MS - 1) / US_PER_MS);
+
+	if (pause_us == 0)
+		return;
+	json_object_set_new(device->keys, "pause_ms", json_integer(pause_ms));
+	remark(device, "pause_ms %u: it does not answer what comes sooner behind its answer", pause_ms);
+}
+
 static void judge(struct device *device)
 {
+	judge_pause(device);
 	if (device->stats->learned.open > 0) {
 		remark(device, "%u of its reads were not answered yet, try again later",
 		       device->stats->learned.open);

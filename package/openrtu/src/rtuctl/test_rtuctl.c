@@ -431,6 +431,7 @@ static void forget(void)
 {
 	memset(&modbus_device_stats(owner, 0)->learned, 0, sizeof(struct modbus_learned_stats));
 	modbus_device_stats(owner, 0)->latency_typical_us = 0;
+	modbus_device_stats(owner, 0)->pause_us = 0;
 }
 
 static void find_hole(uint32_t read, uint32_t exception)
@@ -458,11 +459,12 @@ static void test_lines_show_what_was_learned(void **state)
 	modbus_device_stats(owner, 0)->latency_least_us = 1500;
 	modbus_device_stats(owner, 0)->latency_typical_us = 2500;
 	modbus_device_stats(owner, 0)->latency_most_us = 10000;
+	modbus_device_stats(owner, 0)->pause_us = 20000;
 	assert_int_equal(RUN("lines"), 0);
-	assert_contains(
-	    "PORT  ID  LEAST MS  TYPICAL MS  MOST MS  BITS  REGISTERS  REFUSED\n"
-	    "   3  67       1.5         2.5       10     0         16  20 registers; hole at holding "
-	    "registers 5 to 7; coil 9; 2 other objects\n");
+	assert_contains("PORT  ID  LEAST MS  TYPICAL MS  MOST MS  PAUSE MS  BITS  REGISTERS  REFUSED\n"
+			"   3  67       1.5         2.5       10        20     0         16  20 registers; "
+			"hole at holding "
+			"registers 5 to 7; coil 9; 2 other objects\n");
 	assert_int_equal(RUN("lines", "--json"), 0);
 	json = parse_output();
 	row = json_array_get(json_object_get(json_array_get(json, 0), "devices"), 0);
@@ -524,6 +526,17 @@ static void test_suggest_a_reaction(void **state)
 	assert_suggested("\"reaction_ms\": 7.3");
 	modbus_device_stats(owner, 0)->latency_typical_us = 1000;
 	assert_suggested("\"reaction_ms\": 0.1");
+	forget();
+}
+
+static void test_suggest_a_pause(void **state)
+{
+	(void)state;
+	forget();
+	modbus_device_stats(owner, 0)->pause_us = 312345;
+	assert_suggested("\"pause_ms\": 313");
+	assert_contains("rtuctl: port 3, slave 67: pause_ms 313: it does not answer what comes sooner behind "
+			"its answer\n");
 	forget();
 }
 
@@ -875,6 +888,7 @@ int main(int argc, char **argv)
 	    cmocka_unit_test(test_lines_show_what_was_learned),
 	    cmocka_unit_test(test_suggest_a_length),
 	    cmocka_unit_test(test_suggest_a_reaction),
+	    cmocka_unit_test(test_suggest_a_pause),
 	    cmocka_unit_test(test_suggest_no_holes),
 	    cmocka_unit_test(test_suggest_nothing_unsound),
 	    cmocka_unit_test(test_iec104),

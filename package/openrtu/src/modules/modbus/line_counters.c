@@ -51,6 +51,7 @@ static void show_device(struct modbus_device_stats *stats, struct modbus_device 
 	show(&stats->latency_us, device->counters.latency_us);
 	show(&stats->planned_requests, device->read_count);
 	show(&stats->missed_periods, device->counters.missed_periods);
+	show(&stats->pause_us, (uint32_t)(modbus_pause_learned_ns(&device->pause) / NS_PER_US));
 	show(&stats->latency_least_us, device->latency.least_us);
 	show(&stats->latency_typical_us, device->latency.typical_us);
 	show(&stats->latency_most_us, device->latency.most_us);
@@ -81,6 +82,7 @@ static void take_device(struct modbus_device *device, const struct modbus_device
 	    .errors = stats->errors,
 	    .missed_periods = stats->missed_periods,
 	};
+	modbus_pause_take(&device->pause, stats->pause_us * NS_PER_US, map_now_ns());
 }
 
 void line_counters_take(struct port *port)

@@ -197,6 +197,18 @@ static void say_late(void *context, uint32_t device, int64_t latency_ns, int64_t
 			(unsigned)((latency_ns + NS_PER_MS - 1) / NS_PER_MS), slave->response_timeout_ms);
 }
 
+static void say_pause(void *context, uint32_t device, int64_t pause_ns, int64_t now_ns)
+{
+	struct line_results *results = context;
+
+	if (map_repeats_happened(&results->news[device].pauses, 1, now_ns) > 0)
+		map_log(results->map, MAP_LOG_WARNING,
+			"%s: unit %u on port %u needs a pause of %u ms behind its answers, pause_ms is %u",
+			device_config(results, device)->name, slave_config(results, device)->unit,
+			results->config->port, (unsigned)((pause_ns + NS_PER_MS - 1) / NS_PER_MS),
+			slave_config(results, device)->pause_ms);
+}
+
 static void say_stranger(void *context, uint32_t device, uint8_t unit, int64_t now_ns)
 {
 	struct line_results *results = context;
@@ -226,4 +238,5 @@ const struct modbus_events line_results_events = {.read = publish_read,
 						  .command = take_command_answer,
 						  .mute = say_mute,
 						  .late = say_late,
+						  .pause = say_pause,
 						  .stranger = say_stranger};
