@@ -297,6 +297,60 @@ def test_what_is_no_modbus_closes_the_connection(programs: Path) -> None:
         assert re.match(r"is connected, again after \d failures? in ", port_log(gateway, 7)[2])
 
 
+# ---- moods of a peer: what is made of each in virtual time is in src/modbus/test_line_connection.c ---------
+
+
+class Moody(Server):
+    """Hangs up behind each answer, or leaves a connection unanswered behind so many."""
+
+    def __init__(self, hangs_up: bool = False, hangs_after: int = 0) -> None:
+        super().__init__()
+        self.hangs_up, self.hangs_after = hangs_up, hangs_after
+
+    def _talk(self, connection: socket.socket) -> None:
+        answered = 0
+        while not self._stop.is_set():
+            if not select.select([connection], [], [], 0.02)[0]:
+                continue
+            frame = connection.recv(4096)
+            if not frame:
+                return
+            transaction, _, _, *fields = struct.unpack(">HHHBBHH", frame[:12])
+            if self.hangs_after and answered >= self.hangs_after:
+                continue
+            connection.sendall(Request(transaction, *fields).answer())
+            answered += 1
+            if self.hangs_up:
+                return
+
+
+def test_peer_that_hangs_up_behind_each_answer_is_good(programs: Path) -> None:
+    with Moody(hangs_up=True) as server, gateway_of(programs, tcp_port(7, server, [slave(1, 0)])) as gateway:
+        wait_good(gateway, "p7.1.*")
+        with Master(*gateway.address) as master:
+            since, begun = master.mark(), server.connections
+            gateway.wait_for(lambda: server.connections >= begun + 20, NOTICE_S, "twenty connections more")
+            assert all_are(gateway, "p7.1.*", "good")
+            assert not [report for report in master.reports_since(since) if report.ca == 7001]
+            assert master.command(7001, 40001, "C_SE_NB_1", c104.ScaledCmd(c104.Int16(7)))
+        assert port_log(gateway, 7) == ["is connected"]
+        assert "is dead" not in gateway.log(1000)
+        row = counters(gateway, 7)
+        assert (row["port_errors"], row["timeouts"], row["open"]) == (0, 0, True)
+        assert row["closes"] >= 20
+
+
+@pytest.mark.slow
+def test_connection_that_brings_nothing_is_made_anew(programs: Path) -> None:
+    with Moody(hangs_after=50) as server, gateway_of(programs, tcp_port(7, server, [slave(1, 0)])) as gateway:
+        gateway.wait_for(lambda: server.connections >= 3, 2 * NOTICE_S, "it is made twice more")
+        wait_good(gateway, "p7.1.*")
+        gateway.wait_for(lambda: counters(gateway, 7)["hung"] >= 2, NOTICE_S, "both are counted")
+        said = "answers nothing on its connection: making another"
+        assert port_log(gateway, 7)[:2] == ["is connected", said]
+        assert port_log(gateway, 7).count(said) == 1
+
+
 # ---- late and wrong answers ------------------------------------------------------------------------------
 
 

@@ -68,8 +68,8 @@ struct modbus_port {
 	uint8_t rs485;               /* enum modbus_rs485 */
 	uint8_t before_ms, after_ms; /* that mode's delays around a frame, 0..100 */
 	uint8_t reserved;
-	uint16_t tcp_port; /* of a TCP connection, which has nothing of a serial line; else 0 */
-	uint16_t reserved2;
+	uint16_t tcp_port;             /* of a TCP connection, which has nothing of a serial line; else 0 */
+	uint16_t settle_ms;            /* from a connection to the first request on it */
 	char device[MODBUS_PATH_SIZE]; /* the serial device's path; the IP address of a TCP connection */
 };
 

@@ -10,6 +10,7 @@
 
 #define KEY_HOST     "host"
 #define KEY_TCP_PORT "tcp_port"
+#define KEY_SETTLE   "settle_ms"
 
 #define TCP_PORT_DEFAULT 502
 #define DATA_BITS_RTU    8
@@ -47,6 +48,7 @@ enum {
 	PORT_KEYS,
 	PORT_HOST = PORT_KEYS, /* the keys of Modbus TCP, of a port that is not active */
 	PORT_TCP_PORT,
+	PORT_SETTLE,
 	INACTIVE_PORT_KEYS
 };
 static const struct config_rule port_rules[PORT_KEYS] = {
@@ -112,6 +114,7 @@ static const struct config_rule inactive_port_rules[INACTIVE_PORT_KEYS] = {
     [PORT_RS485] = {"rs485", CONFIG_ANYTHING},
     [PORT_HOST] = {KEY_HOST, CONFIG_ANYTHING},
     [PORT_TCP_PORT] = {KEY_TCP_PORT, CONFIG_ANYTHING},
+    [PORT_SETTLE] = {KEY_SETTLE, CONFIG_ANYTHING},
 };
 
 CONFIG_SHARED_TABLE(modbus_inactive_table, .name = "inactive_port", .rules = inactive_port_rules,
@@ -122,7 +125,7 @@ CONFIG_SHARED_TABLE(modbus_inactive_table, .name = "inactive_port", .rules = ina
 		    }));
 
 /* A Modbus TCP connection has nothing of a serial port, and none of the board's numbers. */
-enum { TCP_VALUE, TCP_ACTIVE, TCP_HOST, TCP_PORT, TCP_SLAVES, TCP_PROCESS, TCP_KEYS };
+enum { TCP_VALUE, TCP_ACTIVE, TCP_HOST, TCP_PORT, TCP_SLAVES, TCP_PROCESS, TCP_SETTLE, TCP_KEYS };
 static const struct config_rule tcp_rules[TCP_KEYS] = {
     [TCP_VALUE] =
 	{"value", CONFIG_INTEGER, .required = true, .low = COUNT(board_devices) + 1, .high = MODBUS_PORTS_MAX,
@@ -143,6 +146,11 @@ static const struct config_rule tcp_rules[TCP_KEYS] = {
 		    CONFIG_SAYS("The Modbus devices behind it.", .table = &modbus_tcp_slave_table)},
     [TCP_PROCESS] = {"process", CONFIG_INTEGER, .low = 1, .high = 6, .fallback = 1,
 		     CONFIG_SAYS("Lines with one number share one rtu-modbus process.")},
+    [TCP_SETTLE] = {KEY_SETTLE, CONFIG_INTEGER, .low = 0, .high = 10000, .fallback = 0,
+		    CONFIG_SAYS(
+			"Milliseconds between a connection and the first request on it, at least. A longer "
+			"time that the peer needs is learned.",
+			.see = "limit.md#connections")},
 };
 CONFIG_SHARED_TABLE(modbus_tcp_table, .name = "tcp_connection", .rules = tcp_rules, .count = TCP_KEYS);
 
@@ -319,6 +327,7 @@ static void read_tcp_port(struct modbus_loader *loader, const struct config_plac
 	    .port = (uint16_t)values[TCP_VALUE].integer,
 	    .process = (uint16_t)values[TCP_PROCESS].integer,
 	    .first_device = (uint16_t)config->set_count,
+	    .settle_ms = (uint16_t)values[TCP_SETTLE].integer,
 	    .tcp_port = values[TCP_PORT].wrong ? TCP_PORT_DEFAULT : (uint16_t)values[TCP_PORT].integer,
 	};
 	if (values[TCP_HOST].given) {

@@ -84,7 +84,8 @@ static const struct config_rule slave_rules[SLAVE_KEYS] = {
 			    .json = CONFIG_JSON({"examples" : [ 0.1, 12.5, 500 ]}))},
     [SLAVE_PAUSE] = {"pause_ms", CONFIG_INTEGER, .low = 0, .high = 10000, .fallback = 0,
 		     CONFIG_SAYS("Milliseconds between the end of the device's answer and the next request "
-				 "to it, at least; others of the line are asked meanwhile.",
+				 "to it, at least; others of the line are asked meanwhile. A longer pause "
+				 "that the device needs is learned.",
 				 .see = "limit.md#pauses")},
     [SLAVE_MAX_BITS] = {"max_bits", CONFIG_INTEGER, .low = 1, .high = READ_BITS_MAX,
 			.fallback = READ_BITS_MAX,

@@ -112,6 +112,7 @@ bool modbus_line_configure(struct modbus_line *line, const struct map_config *co
 	const struct modbus_port *from = &modbus_ports(config)[number];
 
 	line->wire = modbus_wire_of(from);
+	line->connection.settle_least_ns = from->settle_ms * NS_PER_MS;
 	line->command_capacity = commands_of_line(config, from);
 	line->commands = allocate(line->command_capacity, sizeof(*line->commands));
 	line->devices = allocate(from->device_count, sizeof(*line->devices));

@@ -114,6 +114,10 @@ static void poll_line(void)
 	struct modbus_output output = modbus_line_poll(&line, now);
 
 	CHECK(output.deadline_ns > now);
+	if (output.reconnect) {
+		CHECK(line.wire.tcp && output.length == 0);
+		modbus_line_connected(&line, now);
+	}
 	if (output.length == 0)
 		return;
 	CHECK(output.length <= MODBUS_FRAME_MAX && is_whole(&output));
@@ -131,6 +135,19 @@ static void lose_port(void)
 	request_length = 0;
 	now += MS;
 	modbus_line_open(&line, now);
+	poll_line();
+}
+
+/* The peer hangs up; the next connection is there at once. */
+static void hang_up(void)
+{
+	if (!modbus_line_interrupted(&line, now)) {
+		lose_port();
+		return;
+	}
+	CHECK(line.wire.tcp && line.state == MODBUS_IDLE);
+	request_length = 0;
+	modbus_line_connected(&line, now);
 	poll_line();
 }
 
@@ -208,7 +225,7 @@ static void let_time_pass(uint8_t argument)
 
 		poll_line();
 		output = modbus_line_poll(&line, now);
-		CHECK(output.length == 0 && output.deadline_ns > now);
+		CHECK(output.length == 0 && !output.reconnect && output.deadline_ns > now);
 		now = output.deadline_ns < until ? output.deadline_ns : until;
 	}
 	poll_line();
@@ -257,6 +274,8 @@ static void step(void)
 	default:
 		if (argument == 0)
 			lose_port();
+		else if (argument < 4)
+			hang_up();
 		break;
 	}
 }

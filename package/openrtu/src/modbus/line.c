@@ -312,6 +312,8 @@ void modbus_line_open(struct modbus_line *line, int64_t now_ns)
 	line->probed_in_vain = line->scan_begun = line->scan_held = false;
 	line->commands_in_row = line->due_in_row = 0;
 	modbus_end(line, now_ns + line->backend->rest_ns, now_ns);
+	if (line->wire.tcp)
+		modbus_connection_made(line, now_ns);
 }
 
 void modbus_line_close(struct modbus_line *line, int64_t now_ns)
@@ -322,6 +324,7 @@ void modbus_line_close(struct modbus_line *line, int64_t now_ns)
 	if (line->state == MODBUS_WAITING)
 		line->backend->remember_unanswered(line);
 	line->state = MODBUS_CLOSED;
+	line->connection.there = false;
 	if (commanding)
 		modbus_end_command(line, MODBUS_TIMED_OUT, 0);
 	lose_all(line, now_ns);
@@ -387,7 +390,9 @@ struct modbus_output modbus_line_poll(struct modbus_line *line, int64_t now_ns)
 		await_answer(line, now_ns);
 	else if (line->state == MODBUS_TURNAROUND)
 		await_turnaround(line, now_ns);
-	if (line->state == MODBUS_IDLE)
+	if (line->state == MODBUS_IDLE && line->wire.tcp)
+		output.reconnect = modbus_connection_is_hung(line, now_ns);
+	if (line->state == MODBUS_IDLE && !output.reconnect)
 		output.length = leave_idle(line, now_ns);
 	output.deadline_ns = next_deadline(line, now_ns);
 	output.listen_ns = line->listen_ns;

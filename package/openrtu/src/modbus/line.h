@@ -54,6 +54,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "connection.h"
 #include "frame.h"
 #include "histogram.h"
 #include "learned.h"
@@ -252,6 +253,7 @@ struct modbus_line {
 	size_t strays; /* of these, the first that belong to no answer */
 
 	/* Of TCP. */
+	struct modbus_connection connection;
 	uint16_t transaction; /* of the latest request */
 	struct modbus_overdue {
 		uint16_t transaction;
@@ -269,6 +271,8 @@ struct modbus_output {
 	size_t length;        /* 0: nothing to send */
 	int64_t deadline_ns;  /* when to poll again at the latest */
 	int64_t listen_ns; /* what arrives before completes no answer: it may stay in the port until then */
+	bool
+	    reconnect; /* the connection is hung: it must be closed, and the next one is made when the line is due */
 };
 
 /* How long to wait after one more try that failed. backoff_ns: after the one before, 0 for the first. */
@@ -282,6 +286,16 @@ void modbus_line_init(struct modbus_line *line);
 
 /* The port is there: every device is probed, and scanned when it answers. */
 void modbus_line_open(struct modbus_line *line, int64_t now_ns);
+
+/*
+ * The peer of a connection has hung up. True: that is no fault. The line stays open, and when it is due, and not before, a
+ * connection is to be made for it. False: the port is lost.
+ */
+bool modbus_line_interrupted(struct modbus_line *line, int64_t now_ns);
+/* It has something to ask now. */
+bool modbus_line_is_due(const struct modbus_line *line, int64_t now_ns);
+/* Its next connection is there. Without one, the line must not be polled while it is due. */
+void modbus_line_connected(struct modbus_line *line, int64_t now_ns);
 
 /* The port is lost: devices die, the command under way ends as timed out, others as not sent. */
 void modbus_line_close(struct modbus_line *line, int64_t now_ns);

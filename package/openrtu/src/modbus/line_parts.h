@@ -106,12 +106,28 @@ void modbus_count_wrong_answer(struct modbus_line *line, const uint8_t *body, si
 void modbus_tell_late(struct modbus_line *line, uint32_t index, int64_t sent_ns, int64_t began_ns,
 		      int64_t now_ns);
 
+/* The connection has ended under it: a read may be asked again, and what has become of a write nobody knows. */
+void modbus_request_torn(struct modbus_line *line, int64_t now_ns);
+
 /* ---- turn.c ------------------------------------------------------------------------------ */
 
 /* Begins what comes next. Returns the length of the request in line->frame, 0: there is nothing to do. */
 size_t modbus_begin_next(struct modbus_line *line, int64_t now_ns);
 /* When something may become due on a line that has nothing to do. */
 int64_t modbus_next_due(const struct modbus_line *line, int64_t now_ns);
+
+/* Something is, which a connection is worth. */
+bool modbus_is_anything_due(const struct modbus_line *line, int64_t now_ns);
+
+/* ---- connection.c ------------------------------------------------------------------------ */
+
+void modbus_connection_made(struct modbus_line *line, int64_t now_ns);
+/* A request is sent on it; it brought a frame; a request was not answered. */
+void modbus_connection_asked(struct modbus_line *line);
+void modbus_connection_answered(struct modbus_line *line);
+void modbus_connection_unanswered(struct modbus_line *line);
+/* True: it is, and has been given up. */
+bool modbus_connection_is_hung(struct modbus_line *line, int64_t now_ns);
 
 /* ---- stream.c ---------------------------------------------------------------------------- */
 

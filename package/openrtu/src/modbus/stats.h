@@ -31,6 +31,11 @@ struct modbus_line_stats {
 	_Atomic uint32_t open;             /* 1: the port is open */
 	struct map_histogram wakeups;      /* how late the process woke at a time that the line had named */
 	struct map_histogram transactions; /* from the request to the end of its answer */
+	/* Of a TCP connection: modbus/connection.h. */
+	_Atomic uint32_t closes;    /* by the peer, that were no fault */
+	_Atomic uint32_t hung;      /* connections that brought nothing, and were made anew */
+	_Atomic uint32_t idle_ms;   /* behind which the peer hung up, at least; 0: it never did */
+	_Atomic uint32_t settle_us; /* learned, from a connection to the first request on it; 0: none */
 };
 
 /*

@@ -58,11 +58,13 @@ static void take_frame(struct modbus_line *line, const uint8_t *frame, size_t le
 
 static size_t build(struct modbus_line *line)
 {
+	modbus_connection_asked(line);
 	return modbus_mbap_frame(&line->request, ++line->transaction, line->frame);
 }
 
 static void remember_unanswered(struct modbus_line *line)
 {
+	modbus_connection_unanswered(line);
 	line->overdue[line->overdue_count++ % MODBUS_OVERDUE_MAX] =
 	    (struct modbus_overdue){.transaction = line->transaction,
 				    .unit = line->request.unit,
@@ -82,6 +84,7 @@ static bool receive(struct modbus_line *line, const uint8_t *bytes, size_t lengt
 		if (line->stream_count < whole)
 			continue;
 		line->stream_count = 0;
+		modbus_connection_answered(line);
 		take_frame(line, line->stream, whole, now_ns);
 	}
 	return true;

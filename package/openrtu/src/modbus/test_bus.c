@@ -253,6 +253,72 @@ static int64_t extra_ns(const struct slave *slave, const struct modbus_request *
 	return request->count > 1 ? slave->long_ns : 0;
 }
 
+/* ---- the other end of a connection --------------------------------------------------------------- */
+
+static void hang_up_at(int64_t time_ns)
+{
+	bus.hang_up_ns = time_ns;
+}
+
+/* True: the peer leaves the request unanswered. */
+static bool is_ignored(const struct modbus_request *request)
+{
+	bool early = bus.now_ns < bus.connected_ns + bus.peer.settle_ns;
+
+	if (!bus.line.wire.tcp)
+		return false;
+	if (bus.peer.hangs_up_at && request->count > 1 && request->address >= bus.peer.hated)
+		hang_up_at(bus.now_ns + MS);
+	else if (early && bus.peer.hangs_up_early)
+		hang_up_at(bus.now_ns + MS);
+	else
+		return early || (bus.peer.hangs_after > 0 && bus.answered >= bus.peer.hangs_after);
+	return true;
+}
+
+static void note_answer(int64_t ended_ns)
+{
+	bus.answered++;
+	if (bus.peer.idle_ns > 0)
+		hang_up_at(ended_ns + bus.peer.idle_ns);
+}
+
+static void lose_connection(void)
+{
+	bus.apart = true;
+	bus.wire_count = 0;
+	bus.hang_up_ns = 0;
+}
+
+static void let_peer_hang_up(void)
+{
+	if (bus.apart || bus.hang_up_ns == 0 || bus.now_ns < bus.hang_up_ns)
+		return;
+	lose_connection();
+	if (!modbus_line_interrupted(&bus.line, bus.now_ns))
+		modbus_line_close(&bus.line, bus.now_ns);
+}
+
+/* As a port does; one that is lost is there again after a second. */
+static void connect_when_due(void)
+{
+	if (!bus.apart || bus.refusing)
+		return;
+	if (bus.line.state != MODBUS_CLOSED) {
+		if (!modbus_line_is_due(&bus.line, bus.now_ns))
+			return;
+		modbus_line_connected(&bus.line, bus.now_ns);
+	} else if (bus.now_ns >= bus.connected_ns + 1000 * MS) {
+		modbus_line_open(&bus.line, bus.now_ns);
+	} else {
+		return;
+	}
+	bus.apart = false;
+	bus.connections++;
+	bus.connected_ns = bus.now_ns;
+	bus.answered = 0;
+}
+
 static void slave_takes(struct slave *slave, const struct modbus_request *request, const uint8_t *bytes)
 {
 	uint8_t frame[2 * MODBUS_FRAME_MAX];
@@ -261,6 +327,8 @@ static void slave_takes(struct slave *slave, const struct modbus_request *reques
 	if (!slave->present || (request->unit != slave->unit && request->unit != MODBUS_BROADCAST))
 		return;
 	if (covers(request, slave->deaf) && request->count > 1)
+		return;
+	if (is_ignored(request))
 		return;
 	if (slave->one_ear && bus.busy_ns < slave->free_ns)
 		return;
@@ -283,6 +351,7 @@ static void slave_takes(struct slave *slave, const struct modbus_request *reques
 	}
 	put_on_wire(start, frame, length);
 	slave->free_ns = start + (int64_t)length * bus.line.wire.char_ns;
+	note_answer(slave->free_ns);
 }
 
 /* ---- the bus ------------------------------------------------------------------------------------ */
@@ -393,10 +462,22 @@ static struct modbus_output poll_line(void)
 static void run_until(int64_t until_ns)
 {
 	for (;;) {
+		let_peer_hang_up();
+		connect_when_due();
 		struct modbus_output output = poll_line();
 
+		assert_false(bus.apart && output.length > 0);
+		if (output.reconnect) {
+			lose_connection();
+			continue;
+		}
 		take_output(&output);
 		int64_t next_ns = output.deadline_ns;
+		if (bus.apart && bus.line.state == MODBUS_CLOSED && bus.connected_ns + 1000 * MS < next_ns &&
+		    !bus.refusing)
+			next_ns = bus.connected_ns + 1000 * MS;
+		if (bus.hang_up_ns > bus.now_ns && bus.hang_up_ns < next_ns)
+			next_ns = bus.hang_up_ns;
 		if (bus.wire_count > 0)
 			next_ns = earliest(next_ns, output.listen_ns);
 		if (next_ns > until_ns)
@@ -486,6 +567,8 @@ void start(void)
 {
 	modbus_line_init(&bus.line);
 	modbus_line_open(&bus.line, bus.now_ns);
+	bus.connections = 1;
+	bus.connected_ns = bus.now_ns;
 }
 
 void start_simple(uint8_t retries)

@@ -61,6 +61,16 @@ struct slave {
 	uint16_t registers[ADDRESSES];
 };
 
+/* The moods of whoever is at the end of a connection; 0: it has none. */
+struct peer {
+	int64_t idle_ns;     /* hangs up so long behind its last answer */
+	int64_t settle_ns;   /* does not answer what comes sooner behind the connect, */
+	bool hangs_up_early; /* or hangs up then */
+	bool hangs_up_at;    /* hangs up instead of an answer to more than one register from hated on */
+	uint16_t hated;
+	unsigned hangs_after; /* answers of one connection; then it answers nothing on it any more */
+};
+
 struct wire_byte {
 	int64_t time_ns;
 	uint8_t byte;
@@ -86,10 +96,17 @@ struct bus {
 	int64_t spread_ns; /* between two octets, besides the wire's speed */
 	int64_t waited_ns; /* for the answer to the request under way */
 	int64_t lost_ns[DEVICES_MAX], lost_by_death_ns[DEVICES_MAX]; /* of that, in vain */
-	uint16_t transaction;                                        /* of the latest request on TCP */
-	bool echoing;                                                /* the transceiver hears what it sends */
-	uint32_t chance; /* not 0: the process runs late, at random */
-	unsigned still;  /* polls in a row that neither sent nor let time pass */
+	struct peer peer;
+	bool apart;           /* there is no connection */
+	bool refusing;        /* there will be none */
+	unsigned connections; /* made */
+	int64_t connected_ns;
+	int64_t hang_up_ns;   /* when the peer hangs up; 0: not yet known */
+	unsigned answered;    /* on this connection */
+	uint16_t transaction; /* of the latest request on TCP */
+	bool echoing;         /* the transceiver hears what it sends */
+	uint32_t chance;      /* not 0: the process runs late, at random */
+	unsigned still;       /* polls in a row that neither sent nor let time pass */
 	struct sent sent[TRACE_MAX];
 	size_t sent_count;
 	unsigned reads_done[DEVICES_MAX], objects_read[DEVICES_MAX];

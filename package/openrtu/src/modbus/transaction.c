@@ -204,6 +204,18 @@ static void request_unanswered(struct modbus_line *line, bool too_soon, int64_t 
 	modbus_device_silent(line, line->device, now_ns);
 }
 
+void modbus_request_torn(struct modbus_line *line, int64_t now_ns)
+{
+	struct modbus_device *device = &line->devices[line->device];
+
+	modbus_end(line, now_ns, now_ns);
+	if (line->purpose == MODBUS_COMMAND)
+		modbus_end_command(line, MODBUS_TIMED_OUT, 0);
+	/* Some hang up on what they do not know. */
+	else if (line->purpose == MODBUS_SCAN)
+		device->reads[line->read].failures++;
+}
+
 void modbus_answer_garbled(struct modbus_line *line, int64_t now_ns)
 {
 	line->counters.crc_errors++;

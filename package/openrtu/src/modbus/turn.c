@@ -269,6 +269,28 @@ size_t modbus_begin_next(struct modbus_line *line, int64_t now_ns)
 	return length;
 }
 
+static bool is_due(const struct modbus_line *line, const struct modbus_device *device, int64_t now_ns)
+{
+	if (!is_ready(device, now_ns))
+		return false;
+	if (!device->alive)
+		return modbus_is_readable(device) && now_ns >= modbus_probe_due_ns(line, device);
+	for (uint32_t i = 0; i < device->read_count; i++)
+		if (is_of_scan(&device->reads[i], now_ns) || modbus_period_due(&device->reads[i], now_ns))
+			return true;
+	return false;
+}
+
+bool modbus_is_anything_due(const struct modbus_line *line, int64_t now_ns)
+{
+	if (line->command_count > 0 || line->urgent)
+		return true;
+	for (uint32_t i = 0; i < line->device_count; i++)
+		if (is_due(line, &line->devices[i], now_ns))
+			return true;
+	return false;
+}
+
 int64_t modbus_next_due(const struct modbus_line *line, int64_t now_ns)
 {
 	int64_t due = MODBUS_NEVER;

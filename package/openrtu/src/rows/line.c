@@ -24,6 +24,14 @@ static json_t *line_devices(const struct map *map, const struct modbus_port *lin
 	return devices;
 }
 
+static void add_connection(json_t *row, const struct modbus_line_stats *stats)
+{
+	json_object_set_new(row, "closes", json_integer(stats->closes));
+	json_object_set_new(row, "hung", json_integer(stats->hung));
+	json_object_set_new(row, "idle_ms", json_integer(stats->idle_ms));
+	json_object_set_new(row, "settle_ms", rows_milliseconds(stats->settle_us));
+}
+
 json_t *rows_line(const struct map *map, uint32_t index)
 {
 	const struct modbus_port *line = &modbus_ports(map_config(map))[index];
@@ -52,6 +60,8 @@ json_t *rows_line(const struct map *map, uint32_t index)
 	json_object_set_new(row, "stuck_s", json_integer(stats->stuck_s));
 	json_object_set_new(row, "commands", json_integer(stats->commands));
 	json_object_set_new(row, "port_errors", json_integer(stats->port_errors));
+	if (modbus_is_tcp(line))
+		add_connection(row, stats);
 	json_object_set_new(row, "devices", line_devices(map, line));
 	return row;
 }

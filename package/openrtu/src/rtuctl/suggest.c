@@ -241,19 +241,58 @@ static json_t *slaves_of(const struct map *map, const struct modbus_port *line)
 	return slaves;
 }
 
+/* Keys of the port itself, in its object. */
+static void judge_connection(const struct map *map, uint32_t index, json_t *port)
+{
+	const struct modbus_line_stats *stats = modbus_line_stats(map, index);
+	const unsigned number = modbus_ports(map_config(map))[index].port;
+	uint32_t settle_ms = (uint32_t)((stats->settle_us + US_PER_MS - 1) / US_PER_MS);
+
+	if (settle_ms > 0) {
+		json_object_set_new(port, "settle_ms", json_integer(settle_ms));
+		fprintf(stderr,
+			"rtuctl: port %u: settle_ms %u: what comes sooner behind a connect gets no answer\n",
+			number, settle_ms);
+	}
+	if (stats->idle_ms > 0)
+		fprintf(stderr,
+			"rtuctl: port %u: no key for its peer, which hangs up when idle for %u ms: it is "
+			"connected "
+			"when a read is due\n",
+			number, stats->idle_ms);
+	if (stats->hung > 0)
+		fprintf(stderr,
+			"rtuctl: port %u: no key for its connections, of which %u brought nothing any more "
+			"and were "
+			"made anew\n",
+			number, stats->hung);
+}
+
+static json_t *port_of(const struct map *map, uint32_t index)
+{
+	const struct modbus_port *line = &modbus_ports(map_config(map))[index];
+	json_t *port = json_pack("{s:i}", "value", line->port);
+	json_t *slaves;
+
+	judge_connection(map, index, port);
+	slaves = slaves_of(map, line);
+	if (json_array_size(slaves) > 0)
+		json_object_set(port, "slaves", slaves);
+	json_decref(slaves);
+	return port;
+}
+
 int rtuctl_suggest(struct map *map, const struct rtuctl_request *request)
 {
 	const struct map_config *config = map_config(map);
 	json_t *ports = json_array(), *file;
 
 	for (uint32_t i = 0; i < modbus_port_count(config); i++) {
-		json_t *slaves = slaves_of(map, &modbus_ports(config)[i]);
+		json_t *port = port_of(map, i);
 
-		if (json_array_size(slaves) > 0)
-			json_array_append_new(
-			    ports,
-			    json_pack("{s:i, s:O}", "value", modbus_ports(config)[i].port, "slaves", slaves));
-		json_decref(slaves);
+		if (json_object_size(port) > 1)
+			json_array_append(ports, port);
+		json_decref(port);
 	}
 	if (json_array_size(ports) == 0)
 		fputs("rtuctl: nothing to suggest\n", stderr);

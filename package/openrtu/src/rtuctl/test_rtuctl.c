@@ -540,6 +540,25 @@ static void test_suggest_a_pause(void **state)
 	forget();
 }
 
+/* Of the connection: a key of its port, and what needs none. */
+static void test_suggest_what_a_connection_needs(void **state)
+{
+	struct modbus_line_stats *stats = modbus_line_stats(owner, 0);
+
+	(void)state;
+	forget();
+	stats->settle_us = 2000500;
+	stats->idle_ms = 3000;
+	stats->hung = 2;
+	assert_int_equal(RUN("--json", "lines", "--suggest"), 0);
+	assert_contains("{\"port\": [{\"value\": 3, \"settle_ms\": 2001}]}\n");
+	assert_contains(
+	    "rtuctl: port 3: settle_ms 2001: what comes sooner behind a connect gets no answer\n");
+	assert_contains("which hangs up when idle for 3000 ms");
+	assert_contains("of which 2 brought nothing");
+	stats->settle_us = stats->idle_ms = stats->hung = 0;
+}
+
 static void test_suggest_no_holes(void **state)
 {
 	struct modbus_learned_stats *learned = &modbus_device_stats(owner, 0)->learned;
@@ -889,6 +908,7 @@ int main(int argc, char **argv)
 	    cmocka_unit_test(test_suggest_a_length),
 	    cmocka_unit_test(test_suggest_a_reaction),
 	    cmocka_unit_test(test_suggest_a_pause),
+	    cmocka_unit_test(test_suggest_what_a_connection_needs),
 	    cmocka_unit_test(test_suggest_no_holes),
 	    cmocka_unit_test(test_suggest_nothing_unsound),
 	    cmocka_unit_test(test_iec104),

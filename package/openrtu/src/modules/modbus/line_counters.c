@@ -85,6 +85,14 @@ static void take_device(struct modbus_device *device, const struct modbus_device
 	modbus_pause_take(&device->pause, stats->pause_us * NS_PER_US, map_now_ns());
 }
 
+static void take_connection(struct modbus_connection *connection, const struct modbus_line_stats *stats)
+{
+	connection->closes = stats->closes;
+	connection->hung = stats->hung;
+	connection->idle_ns = stats->idle_ms * NS_PER_MS;
+	modbus_connection_take(connection, stats->settle_us * NS_PER_US);
+}
+
 void line_counters_take(struct port *port)
 {
 	const struct modbus_line_stats *stats = modbus_line_stats(port->map, port->number);
@@ -109,12 +117,21 @@ void line_counters_take(struct port *port)
 	};
 	take_histogram(&counters->transactions, &stats->transactions);
 	take_histogram(&port->wakeups, &stats->wakeups);
+	take_connection(&port->line.connection, stats);
 	for (uint32_t i = 0; i < port->line.device_count; i++)
 		take_device(&port->line.devices[i],
 			    modbus_device_stats(port->map, port->config->first_device + i));
 }
 
 /* ---- of this one ------------------------------------------------------------------------------ */
+
+static void show_connection(struct modbus_line_stats *stats, const struct modbus_connection *connection)
+{
+	show(&stats->closes, connection->closes);
+	show(&stats->hung, connection->hung);
+	show(&stats->idle_ms, (uint32_t)((connection->idle_ns + NS_PER_MS - 1) / NS_PER_MS));
+	show(&stats->settle_us, connection->settled ? (uint32_t)(connection->settle_ns / NS_PER_US) : 0);
+}
 
 void line_counters_show(struct port *port)
 {
@@ -141,6 +158,7 @@ void line_counters_show(struct port *port)
 	show(&stats->open, port_is_open(port));
 	show_histogram(&stats->wakeups, &port->wakeups);
 	show_histogram(&stats->transactions, &counters->transactions);
+	show_connection(stats, &port->line.connection);
 	for (uint32_t i = 0; i < port->line.device_count; i++)
 		show_device(modbus_device_stats(map, port->config->first_device + i), &port->line.devices[i]);
 }

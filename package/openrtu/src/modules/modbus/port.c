@@ -13,7 +13,9 @@
 #include "modules/serial.h"
 #include "modules/tcp.h"
 
-#define CONNECT_NS    (3 * NS_PER_S) /* then a host that has said nothing is not there */
+#define CONNECT_NS (3 * NS_PER_S) /* then a host that has said nothing is not there */
+#define APART_NS                                                                                             \
+	(100 * NS_PER_MS) /* from one connection to the next, of a peer that hangs up behind each answer */
 #define CHECK_NS      NS_PER_S
 #define READ_SIZE     512
 #define READS_A_CYCLE 16
@@ -178,6 +180,13 @@ static void say_connected(const struct port *port, const char *again)
 	map_log(port->map, MAP_LOG_INFO, "port %u: %s is connected%s", port->config->port, port->path, again);
 }
 
+/* Whether it was lost before, or had hung up when it was idle. */
+static void fail_to_connect(struct port *port, const char *error, int64_t now_ns)
+{
+	retry_port(port, error, "", now_ns);
+	modbus_line_close(&port->line, now_ns);
+}
+
 static void begin_connection(struct port *port, int64_t now_ns)
 {
 	char error[TCP_ERROR_SIZE];
@@ -185,9 +194,10 @@ static void begin_connection(struct port *port, int64_t now_ns)
 	_Static_assert(TCP_ERROR_SIZE == SERIAL_ERROR_SIZE, "both are a port's");
 	port->fd = tcp_connect(port->config->device, port->config->tcp_port, error);
 	if (port->fd < 0 || !wait_for_port(port, EPOLLOUT, error)) {
-		retry_port(port, error, "", now_ns);
+		fail_to_connect(port, error, now_ns);
 		return;
 	}
+	port->connect_ns = now_ns + APART_NS;
 	port->deadline_ns = port->connected_by_ns = now_ns + CONNECT_NS;
 }
 
@@ -202,18 +212,22 @@ static void end_connecting(struct port *port, int64_t now_ns)
 		if (now_ns < port->connected_by_ns)
 			return;
 		close_port(port);
-		retry_port(port, "does not answer", "", now_ns);
+		fail_to_connect(port, "does not answer", now_ns);
 		return;
 	case TCP_FAILED:
 		close_port(port);
-		retry_port(port, error, "", now_ns);
+		fail_to_connect(port, error, now_ns);
 		return;
 	case TCP_CONNECTED:
 		break;
 	}
 	port->connected_by_ns = 0;
 	epoll_ctl(port->epoll_fd, EPOLL_CTL_MOD, port->fd, &event);
-	begin_line(port, now_ns);
+	port->listening = true;
+	if (port->line.state == MODBUS_CLOSED)
+		begin_line(port, now_ns);
+	else
+		modbus_line_connected(&port->line, now_ns);
 }
 
 static void open_connection(struct port *port, int64_t now_ns)
@@ -270,6 +284,12 @@ void port_init(struct port *port, struct map *map, uint32_t number, const char *
 
 bool port_is_open(const struct port *port)
 {
+	return port->line.state != MODBUS_CLOSED;
+}
+
+/* What was written there arrives. */
+static bool is_there(const struct port *port)
+{
 	return port->fd >= 0 && port->connected_by_ns == 0;
 }
 
@@ -283,6 +303,22 @@ static void lose_port(struct port *port, const char *cause, int64_t now_ns)
 	modbus_line_close(&port->line, now_ns);
 }
 
+/* A peer that is none any more has hung up; one that does so when nothing is asked of it has a right to. */
+static void end_port(struct port *port, const char *cause, int64_t now_ns)
+{
+	if (!modbus_line_interrupted(&port->line, now_ns)) {
+		lose_port(port, cause, now_ns);
+		return;
+	}
+	close_port(port);
+	port->deadline_ns = 0;
+}
+
+static bool has_hung_up(const struct port *port, int error)
+{
+	return modbus_is_tcp(port->config) && (error == 0 || error == ECONNRESET || error == EPIPE);
+}
+
 /* What is set anew is the whole port: its speed, its format and, behind them, its RS-485 mode. */
 static void check_port(struct port *port, int64_t now_ns)
 {
@@ -291,6 +327,23 @@ static void check_port(struct port *port, int64_t now_ns)
 	port->check_ns = now_ns + CHECK_NS;
 	if (!port->backend->is_as_set(port->fd, port->config))
 		lose_port(port, "another program changed its settings", now_ns);
+}
+
+static void end_reading(struct port *port, int error, int64_t now_ns)
+{
+	const char *cause = error == 0 ? "hung up" : strerror(error);
+
+	if (has_hung_up(port, error))
+		end_port(port, cause, now_ns);
+	else
+		lose_port(port, cause, now_ns);
+}
+
+/* Before it is asked, it is looked whether it has: what is written then arrives nowhere, and of a command nobody knows. */
+static bool may_hang_up(const struct port *port)
+{
+	return modbus_is_tcp(port->config) &&
+	       (port->line.connection.closes > 0 || port->line.command_count > 0);
 }
 
 /* Gives what is readable to the line: far more than a device sends, and never a flood without end. */
@@ -304,8 +357,8 @@ static void read_port(struct port *port)
 		if (length > 0 && !modbus_line_receive(&port->line, bytes, (size_t)length, now_ns))
 			lose_port(port, "it sends something that is not Modbus", now_ns);
 		else if (length == 0 || (length < 0 && errno != EAGAIN && errno != EINTR))
-			lose_port(port, length == 0 ? "hung up" : strerror(errno), now_ns);
-		if (length < (ssize_t)sizeof(bytes))
+			end_reading(port, length == 0 ? 0 : errno, now_ns);
+		if (length < (ssize_t)sizeof(bytes) && (length <= 0 || !may_hang_up(port)))
 			return;
 	}
 }
@@ -322,7 +375,9 @@ static void write_port(struct port *port, const struct modbus_output *output, in
 	port->answered = port->line.counters.answers;
 	ssize_t length = write(port->fd, output->frame, output->length);
 
-	if (length != (ssize_t)output->length)
+	if (length < 0 && has_hung_up(port, errno))
+		end_port(port, strerror(errno), now_ns);
+	else if (length != (ssize_t)output->length)
 		lose_port(port, length < 0 ? strerror(errno) : "it does not accept a whole request", now_ns);
 }
 
@@ -354,30 +409,64 @@ void port_wake(struct port *port)
 	port->listening = false;
 }
 
-void port_serve(struct port *port, int64_t due_ns)
+/* A connection that brings nothing any more, though it is there. The next one is made at once. */
+static void give_up_connection(struct port *port, int64_t now_ns)
 {
-	int64_t now_ns = map_now_ns();
+	close_port(port);
+	port->deadline_ns = 0;
+	if (map_repeats_happened(&port->hangs, 1, now_ns) > 0)
+		map_log(port->map, MAP_LOG_WARNING,
+			"port %u: %s answers nothing on its connection: making another", port->config->port,
+			port->path);
+}
 
-	measure_wakeup(port, due_ns, now_ns);
-	if (!port_is_open(port))
-		port->backend->open(port, now_ns);
-	if (port_is_open(port))
-		check_port(port, now_ns);
-	/* A delayed process reads what came before now_ns, and then judges what has timed out. */
-	if (port_is_open(port))
-		read_port(port);
-	if (!port_is_open(port))
+/* The line goes on without a connection until it has something to ask. */
+static bool is_to_wait(struct port *port, int64_t now_ns)
+{
+	return port_is_open(port) && port->fd < 0 && !modbus_line_is_due(&port->line, now_ns);
+}
+
+static void open_port(struct port *port, int64_t now_ns)
+{
+	if (is_to_wait(port, now_ns))
 		return;
-	note_use(port, now_ns);
+	if (port->fd < 0 && now_ns < port->connect_ns)
+		port->deadline_ns = port->connect_ns;
+	else
+		port->backend->open(port, now_ns);
+}
+
+static void poll_line(struct port *port, int64_t now_ns)
+{
 	struct modbus_output output = modbus_line_poll(&port->line, now_ns);
 	bool listening = now_ns >= output.listen_ns;
 
 	port->deadline_ns = listening ? output.deadline_ns : earlier(output.deadline_ns, output.listen_ns);
 	port->waiting = port->deadline_ns > now_ns;
-	if (listening)
+	if (listening && is_there(port))
 		listen_to(port);
-	if (output.length > 0)
+	if (output.reconnect)
+		give_up_connection(port, now_ns);
+	else if (output.length > 0)
 		write_port(port, &output, now_ns);
+}
+
+void port_serve(struct port *port, int64_t due_ns)
+{
+	int64_t now_ns = map_now_ns();
+
+	measure_wakeup(port, due_ns, now_ns);
+	if (!is_there(port))
+		open_port(port, now_ns);
+	if (is_there(port))
+		check_port(port, now_ns);
+	/* A delayed process reads what came before now_ns, and then judges what has timed out. */
+	if (is_there(port))
+		read_port(port);
+	if (is_there(port))
+		note_use(port, now_ns);
+	if (is_there(port) || is_to_wait(port, now_ns))
+		poll_line(port, now_ns);
 }
 
 int64_t ports_due_ns(const struct port *ports, uint32_t count)

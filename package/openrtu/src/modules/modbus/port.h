@@ -11,6 +11,7 @@
 
 #include "channel/attempts.h"
 #include "map/map.h"
+#include "map/repeats.h"
 #include "modbus/config.h"
 #include "modbus/line.h"
 
@@ -37,12 +38,14 @@ struct port {
 	int fd; /* -1: not open */
 	struct attempts attempts;
 	bool pty_logged;
-	int64_t connected_by_ns; /* until then a connection may take; 0: none is being made */
-	uint32_t answers;        /* of the line, before the port was opened */
-	int64_t check_ns;        /* the next look whether the port is as it was set */
-	bool listening;          /* bytes that arrive wake this process */
-	bool waiting;            /* for deadline_ns, which lay ahead */
-	uint32_t answered;       /* line.counters.answers when the last request was written */
+	struct map_repeats hangs; /* lines about connections that brought nothing */
+	int64_t connect_ns;       /* no connection is made before */
+	int64_t connected_by_ns;  /* until then a connection may take; 0: none is being made */
+	uint32_t answers;         /* of the line, before the port was opened */
+	int64_t check_ns;         /* the next look whether the port is as it was set */
+	bool listening;           /* bytes that arrive wake this process */
+	bool waiting;             /* for deadline_ns, which lay ahead */
+	uint32_t answered;        /* line.counters.answers when the last request was written */
 };
 
 /*
@@ -66,7 +69,7 @@ void port_serve(struct port *port, int64_t due_ns);
  */
 int64_t ports_due_ns(const struct port *ports, uint32_t count);
 
-/* Its line is in use; a connection that is still being made is not open. */
+/* Its line is in use. A connection that is being made for the first time is not open; between two, it is. */
 bool port_is_open(const struct port *port);
 
 #endif
