@@ -59,7 +59,7 @@ static void mark_urgent(struct modbus_device *device, const struct modbus_reques
 static void read_back(struct modbus_line *line, const struct modbus_command *command)
 {
 	line->urgent = true;
-	if (command->request.unit != MODBUS_BROADCAST) {
+	if (!line->devices[command->device].broadcast) {
 		mark_urgent(&line->devices[command->device], &command->request);
 		return;
 	}

@@ -153,7 +153,7 @@ static void check_read_key(struct modbus_loader *loader, const struct config_pla
 {
 	const struct config_place here = modbus_object_key(object, key);
 
-	if (modbus_slaves(loader->config)[modbus_slave_count(loader->config) - 1].unit == 0)
+	if (loader->config->sets[loader->config->set_count - 1].never_read)
 		config_error(loader->report, &here,
 			     "has no meaning for slave 0: the broadcast address is never read");
 }

@@ -152,16 +152,18 @@ CONFIG_SHARED_TABLE(modbus_slave_table, .name = "slave", .rules = slave_rules, .
 CONFIG_SHARED_TABLE(modbus_template_table, .name = "template", .rules = slave_rules,
 		    .count = SLAVE_OF_TEMPLATE, .like = &modbus_slave_table);
 
-/* On a TCP connection nobody is addressed with the broadcast, and 255 is its end itself. */
+/* On a TCP connection 0 is a unit like others, and 255 its end itself. */
 static const struct config_rule tcp_id_rule = {
     "id",
     CONFIG_INTEGER,
     .required = true,
-    .low = UNIT_BROADCAST + 1,
+    .low = 0,
     .high = UNIT_ITSELF,
-    CONFIG_SAYS("Unit identifier, once on a connection: 255 for the device itself, 1 to 247 behind a "
-		"gateway, or what the device's manual says; 248 to 254 are reserved. There is no broadcast.",
-		.json = CONFIG_JSON({"not" : {"minimum" : 248, "maximum" : 254}}))};
+    CONFIG_SAYS(
+	"Unit identifier, once on a connection: 255 or 0 for the device itself, 1 to 247 behind a "
+	"gateway, or what the device's manual says; 248 to 254 are reserved. 0 is no broadcast here: it is "
+	"read and answers like others.",
+	.json = CONFIG_JSON({"not" : {"minimum" : 248, "maximum" : 254}}))};
 CONFIG_SHARED_TABLE(modbus_tcp_slave_table, .name = "tcp_slave", .rules = slave_rules, .count = SLAVE_KEYS,
 		    .own = &tcp_id_rule, .like = &modbus_slave_table);
 
@@ -177,7 +179,7 @@ static void check_unit(struct modbus_loader *loader, const struct config_place *
 	const struct config_place here = config_key_of(slave, slave_rules[SLAVE_ID].name);
 
 	if (unit > MODBUS_UNIT_MAX && unit < UNIT_ITSELF)
-		config_error(loader->report, &here, "%lld is reserved, expected 1 to %d or %d",
+		config_error(loader->report, &here, "%lld is reserved, expected 0 to %d or %d",
 			     (long long)unit, MODBUS_UNIT_MAX, UNIT_ITSELF);
 }
 
@@ -281,7 +283,7 @@ static void add_device(struct modbus_loader *loader, const struct config_place *
 	    .ca = values[SLAVE_CA].given ? (uint16_t)values[SLAVE_CA].integer
 					 : (uint16_t)(CA_PER_PORT * port->port + unit),
 	    .first_point = config->point_count,
-	    .never_read = unit == UNIT_BROADCAST,
+	    .never_read = unit == UNIT_BROADCAST && !modbus_is_tcp(port),
 	};
 	*slave = (struct modbus_slave){
 	    .port = (uint16_t)(modbus_port_count(config) - 1),
@@ -446,18 +448,19 @@ static void read_slave(struct modbus_loader *loader, const struct config_place *
 {
 	const struct config_place prefix = config_key_of(place, slave_rules[SLAVE_NAME_PREFIX].name);
 	struct config_template *template = template_of(loader, place, json);
+	const struct modbus_port *line = &modbus_ports(loader->config)[modbus_port_count(loader->config) - 1];
 	struct config_rule rules[SLAVE_KEYS];
 	struct config_value values[SLAVE_KEYS];
 	struct map_set *set;
 
-	rules_of_line(&modbus_ports(loader->config)[modbus_port_count(loader->config) - 1], rules);
+	rules_of_line(line, rules);
 	if (template != NULL)
 		json = merged(loader, template, json);
 	config_read_keys(loader->report, place, json, rules, SLAVE_KEYS, values);
 	if (values[SLAVE_ID].given) {
 		check_unit(loader, place, values[SLAVE_ID].integer);
 		claim_unit(loader, place, values[SLAVE_ID].integer, slave_of);
-		if (values[SLAVE_ID].integer == UNIT_BROADCAST)
+		if (values[SLAVE_ID].integer == UNIT_BROADCAST && !modbus_is_tcp(line))
 			check_broadcast(loader, place, values);
 	}
 	if (values[SLAVE_OVERRIDES].given && (template != NULL || !values[SLAVE_TEMPLATE].given))

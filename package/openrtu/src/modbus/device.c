@@ -18,7 +18,7 @@ int64_t modbus_next_backoff(int64_t backoff_ns)
 
 bool modbus_is_readable(const struct modbus_device *device)
 {
-	return device->unit != MODBUS_BROADCAST && device->object_count > 0;
+	return !device->broadcast && device->object_count > 0;
 }
 
 /* ---- what is unanswered (line.h, "Late answers") -------------------------------------------- */

@@ -284,9 +284,12 @@ static void lose_all(struct modbus_line *line, int64_t now_ns)
 void modbus_line_init(struct modbus_line *line)
 {
 	for (uint32_t i = 0; i < line->device_count; i++) {
-		modbus_objects_sort(line->devices[i].objects, line->devices[i].object_count);
-		modbus_pause_begin(&line->devices[i].pause, line->devices[i].pause_ns);
-		modbus_replan(line, &line->devices[i]);
+		struct modbus_device *device = &line->devices[i];
+
+		device->broadcast = device->unit == MODBUS_BROADCAST && !line->wire.tcp;
+		modbus_pause_begin(&device->pause, device->pause_ns);
+		modbus_objects_sort(device->objects, device->object_count);
+		modbus_replan(line, device);
 	}
 	line->state = MODBUS_CLOSED;
 }

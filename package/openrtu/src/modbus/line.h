@@ -121,7 +121,7 @@ struct modbus_line_counters {
 
 struct modbus_device {
 	/* Filled in by the caller, who owns the memory. */
-	uint8_t unit;    /* MODBUS_BROADCAST: written, never read */
+	uint8_t unit;    /* MODBUS_BROADCAST on a serial line: written, never read */
 	uint8_t retries; /* unanswered requests in a row beyond the first before it counts as dead */
 	struct modbus_limits limits;
 	int64_t response_timeout_ns;     /* end of request to first byte of the answer: the ceiling */
@@ -144,6 +144,7 @@ struct modbus_device {
 	bool alive;
 
 	/* The line's own. */
+	bool broadcast;     /* it is none: all hear what it is told */
 	uint32_t cursor;    /* the next read of this scan */
 	uint32_t failures;  /* unanswered requests in a row; of a dead device, probes */
 	int64_t slowest_ns; /* latency of its reads, fading; 0: none since the port was opened */

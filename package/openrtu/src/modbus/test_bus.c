@@ -324,7 +324,9 @@ static void slave_takes(struct slave *slave, const struct modbus_request *reques
 	uint8_t frame[2 * MODBUS_FRAME_MAX];
 	int64_t start = bus.busy_ns > slave->free_ns ? bus.busy_ns : slave->free_ns;
 
-	if (!slave->present || (request->unit != slave->unit && request->unit != MODBUS_BROADCAST))
+	bool broadcast = request->unit == MODBUS_BROADCAST && !bus.line.wire.tcp;
+
+	if (!slave->present || (request->unit != slave->unit && !broadcast))
 		return;
 	if (covers(request, slave->deaf) && request->count > 1)
 		return;
@@ -337,7 +339,7 @@ static void slave_takes(struct slave *slave, const struct modbus_request *reques
 		return;
 	}
 	size_t length = answer_of(slave, request, bytes, frame);
-	if (request->unit == MODBUS_BROADCAST)
+	if (broadcast)
 		return;
 	length = spoil(slave, frame, length);
 	if (length == 0)
@@ -538,14 +540,16 @@ void add_device(uint8_t unit, uint8_t retries)
 {
 	uint32_t index = bus.line.device_count++;
 
-	bus.devices[index] = (struct modbus_device){.unit = unit,
-						    .retries = retries,
-						    .response_timeout_ns = TIMEOUT_NS,
-						    .response_timeout_min_ns = TIMEOUT_NS,
-						    .objects = bus.objects[index],
-						    .reads = bus.reads[index]};
+	bus.devices[index] =
+	    (struct modbus_device){.unit = unit,
+				   .retries = retries,
+				   .broadcast = unit == MODBUS_BROADCAST && !bus.line.wire.tcp,
+				   .response_timeout_ns = TIMEOUT_NS,
+				   .response_timeout_min_ns = TIMEOUT_NS,
+				   .objects = bus.objects[index],
+				   .reads = bus.reads[index]};
 	bus.slaves[index] = (struct slave){.unit = unit,
-					   .present = unit != MODBUS_BROADCAST,
+					   .present = unit != MODBUS_BROADCAST || bus.line.wire.tcp,
 					   .missing = -1,
 					   .deaf = -1,
 					   .reaction_ns = REACTION_NS};

@@ -255,6 +255,32 @@ static void test_a_command_is_confirmed_refused_or_lost(void **state)
 	assert_int_equal(bus.commands_done, 3);
 }
 
+static void test_unit_0_is_no_broadcast(void **state)
+{
+	(void)state;
+	set_up();
+	use_tcp();
+	add_device(MODBUS_BROADCAST, 1);
+	add_objects(MODBUS_READ_HOLDING_REGISTERS, 0, 8);
+	add_device(1, 1);
+	add_objects(MODBUS_READ_HOLDING_REGISTERS, 0, 8);
+	start();
+	run_for(SECOND);
+	assert_true(bus.reads_done[0] > 10);
+	command(0, MODBUS_WRITE_REGISTER, 3, 4711, 1);
+	run_for(SECOND);
+	assert_int_equal(bus.last_result, MODBUS_DONE);
+	assert_int_equal(bus.slaves[0].registers[3], 4711);
+	assert_int_not_equal(bus.slaves[1].registers[3], 4711);
+	command(0, MODBUS_WRITE_REGISTER, ADDRESSES, 1, 2);
+	run_for(SECOND);
+	assert_int_equal(bus.last_result, MODBUS_REFUSED);
+	bus.slaves[0].present = false;
+	run_for(SECOND);
+	assert_int_equal(bus.deaths[0], 1);
+	assert_int_equal(bus.deaths[1], 0);
+}
+
 /* After a write that was not confirmed the next goes at once: their confirmations cannot be mistaken. */
 static void test_commands_do_not_wait_for_late_answers(void **state)
 {
@@ -286,6 +312,7 @@ int main(void)
 	    cmocka_unit_test(test_a_scan_without_an_answer_has_no_duration),
 	    cmocka_unit_test(test_a_read_that_is_refused_is_halved),
 	    cmocka_unit_test(test_a_command_is_confirmed_refused_or_lost),
+	    cmocka_unit_test(test_unit_0_is_no_broadcast),
 	    cmocka_unit_test(test_commands_do_not_wait_for_late_answers),
 	};
 	return cmocka_run_group_tests_name("modbus line tcp", tests, NULL, NULL);

@@ -16,7 +16,7 @@ size_t modbus_begin(struct modbus_line *line, enum modbus_purpose purpose, uint3
 {
 	struct modbus_device *device = &line->devices[index];
 	size_t length = line->backend->build(line);
-	bool broadcast = line->request.unit == MODBUS_BROADCAST;
+	bool broadcast = device->broadcast;
 
 	line->purpose = purpose;
 	line->device = index;

@@ -111,7 +111,7 @@ static const char *steps_of(const struct row *row)
 
 static const char *direction_of(const struct row *row)
 {
-	if (row->slave != NULL && row->slave->unit == 0)
+	if (row->set->never_read)
 		return "control";
 	return command_of(row)[0] != '\0' ? "both" : "monitor";
 }

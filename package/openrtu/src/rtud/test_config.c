@@ -356,6 +356,20 @@ static void test_a_slave_has_its_limits_or_the_protocols(void **state)
 	config_free(&config);
 }
 
+/* It takes all tables and keys there. */
+static void test_unit_0_of_a_connection_is_no_broadcast(void **state)
+{
+	struct map_config config = load(
+	    "{'port': [{'value': 7, 'active': 1, 'host': '192.0.2.7', 'slaves': [{'id': 0, 'pause_ms': 5, "
+	    "'input_registers': [{'address': 0, 'period_ms': 100}]}]}]}");
+
+	(void)state;
+	assert_int_equal(modbus_slaves(&config)[0].unit, 0);
+	assert_false(config.sets[0].never_read);
+	assert_string_equal(config.sets[0].prefix, "p7.0");
+	config_free(&config);
+}
+
 static void test_an_object_is_read_back_as_it_says_or_its_slave(void **state)
 {
 	static const bool read_back[] = {true, false, false, true, true};
@@ -481,6 +495,7 @@ int main(void)
 	    cmocka_unit_test(test_status_bits),
 	    cmocka_unit_test(test_an_object_has_its_own_period_or_its_slaves),
 	    cmocka_unit_test(test_a_slave_has_its_limits_or_the_protocols),
+	    cmocka_unit_test(test_unit_0_of_a_connection_is_no_broadcast),
 	    cmocka_unit_test(test_an_object_is_read_back_as_it_says_or_its_slave),
 	    cmocka_unit_test(test_own_station),
 	    cmocka_unit_test(test_tables_refer_to_each_other),

@@ -20,6 +20,11 @@ static uint8_t unit_of(const struct commands *commands, uint32_t point)
 	return modbus_slaves(map_config(commands->map))[point_of(commands, point)->set].unit;
 }
 
+static bool is_broadcast(const struct commands *commands, uint32_t point)
+{
+	return map_config(commands->map)->sets[point_of(commands, point)->set].never_read;
+}
+
 static struct commands_progress *find(const struct commands *commands, uint32_t point)
 {
 	for (uint32_t i = 0; i < commands->count; i++)
@@ -111,7 +116,7 @@ static void leave_to_polling(struct commands *commands, struct commands_progress
 static void await_return(struct commands *commands, struct commands_progress *progress, int64_t now_ns)
 {
 	progress->unseen = true;
-	if (unit_of(commands, progress->point) == MODBUS_BROADCAST)
+	if (is_broadcast(commands, progress->point))
 		finish(commands, progress, MAP_RESULT_DONE, 0);
 	else if (wire_of(commands, progress->point)->flags & MODBUS_NO_READ_BACK)
 		leave_to_polling(commands, progress, now_ns);
