@@ -67,6 +67,82 @@ static void read_back(struct modbus_line *line, const struct modbus_command *com
 		mark_urgent(&line->devices[i], &command->request);
 }
 
+/* ---- functions that write the same ------------------------------------------------------------------- */
+
+static uint8_t other_function(const struct modbus_request *request)
+{
+	if (request->count != 1)
+		return 0;
+	switch (request->function) {
+	case MODBUS_WRITE_COIL:
+		return MODBUS_WRITE_COILS;
+	case MODBUS_WRITE_COILS:
+		return MODBUS_WRITE_COIL;
+	case MODBUS_WRITE_REGISTER:
+		return MODBUS_WRITE_REGISTERS;
+	case MODBUS_WRITE_REGISTERS:
+		return MODBUS_WRITE_REGISTER;
+	default:
+		return 0;
+	}
+}
+
+static uint8_t *learned_function(struct modbus_device *device, uint8_t function)
+{
+	return modbus_is_bit_function(function) ? &device->writes.coils : &device->writes.registers;
+}
+
+static bool is_multiple(uint8_t function)
+{
+	return function == MODBUS_WRITE_COILS || function == MODBUS_WRITE_REGISTERS;
+}
+
+void modbus_choose_function(const struct modbus_device *device, struct modbus_request *request)
+{
+	uint8_t other = other_function(request);
+	uint8_t learned =
+	    modbus_is_bit_function(request->function) ? device->writes.coils : device->writes.registers;
+
+	if (other != 0 && (learned != 0 ? learned == other : is_multiple(other) == device->writes_multiple))
+		request->function = other;
+}
+
+void modbus_take_functions(struct modbus_device *device, uint32_t coils, uint32_t registers)
+{
+	if (coils == MODBUS_WRITE_COIL || coils == MODBUS_WRITE_COILS)
+		device->writes.coils = (uint8_t)coils;
+	if (registers == MODBUS_WRITE_REGISTER || registers == MODBUS_WRITE_REGISTERS)
+		device->writes.registers = (uint8_t)registers;
+}
+
+/* It is the first again: room for it there is, since it was just taken from there. */
+static void put_back(struct modbus_line *line)
+{
+	memmove(&line->commands[1], &line->commands[0], line->command_count * sizeof(line->commands[0]));
+	line->commands[0] = line->command;
+	line->command_count++;
+}
+
+bool modbus_turn_command(struct modbus_line *line, int64_t now_ns)
+{
+	struct modbus_device *device = &line->devices[line->device];
+	uint8_t unknown = line->request.function, other = other_function(&line->request);
+
+	if (other == 0 || line->command_count == line->command_capacity)
+		return false;
+	/* It knows neither. */
+	if (line->command.turned) {
+		*learned_function(device, unknown) = 0;
+		return false;
+	}
+	*learned_function(device, unknown) = other;
+	line->command.turned = true;
+	put_back(line);
+	if (line->events->turned != NULL)
+		line->events->turned(line->context, line->device, unknown, other, now_ns);
+	return true;
+}
+
 void modbus_end_command(struct modbus_line *line, enum modbus_result result, uint8_t exception)
 {
 	if (result == MODBUS_DONE && !line->command.no_read_back)

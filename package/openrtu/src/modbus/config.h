@@ -85,7 +85,8 @@ struct modbus_slave {
 	uint8_t probe_max_s;  /* longest pause between two probes of it while dead, 0: see modbus/line.h */
 	uint32_t reaction_us; /* from the silence behind a request to its answer's first byte, 0: not known */
 	uint16_t pause_ms;    /* the least between its answer and the next request to it */
-	uint16_t reserved;
+	uint8_t writes_multiple; /* one coil or register is written with function 15 or 16 at first */
+	uint8_t reserved;
 };
 
 enum modbus_point_flag {

@@ -31,6 +31,7 @@ enum {
 	SLAVE_MAX_REGISTERS,
 	SLAVE_HOLES,
 	SLAVE_READ_BACK,
+	SLAVE_WRITE_FUNCTION,
 	SLAVE_CA,
 	SLAVE_IOA_OFFSET,
 	SLAVE_NAME_PREFIX,
@@ -40,6 +41,7 @@ enum {
 	SLAVE_OVERRIDES,
 	SLAVE_KEYS
 };
+static const char *const write_functions[] = {"single", "multiple", NULL};
 static const struct config_rule slave_rules[SLAVE_KEYS] = {
     [MODBUS_COILS] = {"coils", CONFIG_ARRAY, .high = CONFIG_POINTS_MAX,
 		      CONFIG_SAYS("Objects read with function 1 and written with 5 or 15.",
@@ -103,6 +105,11 @@ static const struct config_rule slave_rules[SLAVE_KEYS] = {
 	 CONFIG_SAYS("What a command has written is read at once, and the command ends with that, where the "
 		     "objects say nothing else. With false, it ends with the device's confirmation.",
 		     .see = "telecontrol.md#without-read-back")},
+    [SLAVE_WRITE_FUNCTION] = {"write_function", CONFIG_CHOICE, .choices = write_functions,
+			      CONFIG_SAYS("How one coil or one register is written at first: single with "
+					  "function 5 or 6, multiple with 15 or "
+					  "16. After exception 1 (illegal function) it is the other.",
+					  .see = "telecontrol.md#which-function-writes")},
     [SLAVE_CA] = {"ca", CONFIG_INTEGER, .low = 1, .high = 65534,
 		  CONFIG_SAYS(
 		      "Common address, which several slaves may share. Without it, 1000 × port + id.")},
@@ -297,6 +304,7 @@ static void add_device(struct modbus_loader *loader, const struct config_place *
 	    .response_timeout_min_ms = least_timeout_ms(loader, place, values),
 	    .reaction_us = reaction_us(loader, place, values),
 	    .pause_ms = (uint16_t)values[SLAVE_PAUSE].integer,
+	    .writes_multiple = values[SLAVE_WRITE_FUNCTION].integer != 0,
 	};
 	snprintf(set->prefix, sizeof(set->prefix), "p%u.%u", port->port, unit);
 	if (values[SLAVE_DESCRIPTION].given && values[SLAVE_DESCRIPTION].text[0] != '\0')

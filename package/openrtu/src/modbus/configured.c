@@ -74,6 +74,7 @@ static bool configure_device(const struct map_config *config, uint32_t number, s
 	    .response_timeout_min_ns = from->response_timeout_min_ms * NS_PER_MS,
 	    .probe_max_ns = from->probe_max_s * NS_PER_S,
 	    .pause_ns = from->pause_ms * NS_PER_MS,
+	    .writes_multiple = from->writes_multiple,
 	    .object_count = set->point_count,
 	    .objects = allocate(set->point_count, sizeof(*device->objects)),
 	    .reads = allocate(set->point_count, sizeof(*device->reads)),

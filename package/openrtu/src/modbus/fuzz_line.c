@@ -24,12 +24,13 @@ static struct modbus_object objects[DEVICES][OBJECTS];
 static struct modbus_read reads[DEVICES][OBJECTS];
 static struct modbus_command commands[COMMANDS_MAX];
 static int64_t now;
-static uint32_t ordered, ended, written; /* commands; frames of writes */
+static uint32_t ordered, ended, written, turned; /* commands; frames of writes; of those, once more */
 static bool done[TAGS];
 static uint8_t request[MODBUS_FRAME_MAX]; /* the latest, from its unit on */
 static uint8_t transaction[2];            /* and, on TCP, what stands before */
 static size_t request_length;
-static unsigned sum; /* of what was read: a sanitizer sees data that is not there */
+static uint8_t refused; /* function of the last exception 1 that arrived */
+static unsigned sum;    /* of what was read: a sanitizer sees data that is not there */
 
 /* ---- what the line tells ----------------------------------------------------------------------- */
 
@@ -88,11 +89,28 @@ static void on_stranger(void *context, uint32_t device, uint8_t unit, int64_t no
 	CHECK(device < DEVICES && unit != devices[device].unit);
 }
 
+/* Only a device that said that it does not know the function is written to once more. */
+static void on_turned(void *context, uint32_t device, uint8_t unknown, uint8_t function, int64_t now_ns)
+{
+	(void)context, (void)now_ns;
+	CHECK(device < DEVICES && request[1] == unknown && function != unknown);
+	CHECK(unknown == refused);
+	turned++;
+}
+
+static void on_pause(void *context, uint32_t device, int64_t pause_ns, int64_t now_ns)
+{
+	(void)context, (void)now_ns;
+	CHECK(device < DEVICES && pause_ns > 0 && pause_ns <= MODBUS_PAUSE_MAX_NS);
+}
+
 static const struct modbus_events events = {.read = on_read,
 					    .refused = on_refused,
 					    .alive = on_alive,
 					    .command = on_command,
 					    .late = on_late,
+					    .pause = on_pause,
+					    .turned = on_turned,
 					    .stranger = on_stranger};
 
 /* ---- what happens ------------------------------------------------------------------------------ */
@@ -125,7 +143,7 @@ static void poll_line(void)
 	memcpy(request, output.frame + prefix_length(), request_length);
 	memcpy(transaction, output.frame, sizeof(transaction));
 	if (!modbus_is_read(request[1]))
-		CHECK(++written <= ordered);
+		CHECK(++written <= ordered + turned);
 }
 
 static void lose_port(void)
@@ -151,8 +169,17 @@ static void hang_up(void)
 	poll_line();
 }
 
+/* Anywhere in it, for it may come in pieces. */
+static void note_refusals(const uint8_t *octets, size_t length)
+{
+	for (size_t i = 0; i < length; i++)
+		if (octets[i] == (request[1] | MODBUS_EXCEPTION_BIT))
+			refused = request[1];
+}
+
 static void receive(const uint8_t *octets, size_t length)
 {
+	note_refusals(octets, length);
 	if (!modbus_line_receive(&line, octets, length, now)) {
 		CHECK(line.wire.tcp);
 		lose_port();
@@ -300,7 +327,7 @@ static void begin(bool tcp)
 
 	memset(done, 0, sizeof(done));
 	memset(devices, 0, sizeof(devices));
-	ordered = ended = written = 0;
+	ordered = ended = written = turned = 0;
 	request_length = 0;
 	now = 5000 * MS;
 	for (uint32_t d = 0; d < DEVICES; d++) {

@@ -94,6 +94,7 @@ struct modbus_command {
 	uint32_t tag;    /* the caller's; not looked at */
 	int64_t deadline_ns;
 	bool no_read_back;             /* what it writes is not read ahead of its turn */
+	bool turned;                   /* the line's own: the device does not know the other function */
 	struct modbus_request request; /* function 5, 6, 15, 16 */
 };
 
@@ -129,6 +130,8 @@ struct modbus_device {
 	int64_t
 	    probe_max_ns; /* the longest pause before a probe; 0: MODBUS_RAREST_PROBE_NS, or its share's */
 	int64_t pause_ns; /* the least between its answer and the next request to it */
+	bool
+	    writes_multiple; /* one coil or register is written with function 15 or 16, until the device refuses that */
 	struct modbus_object *objects; /* sorted by modbus_line_init */
 	uint32_t object_count;
 	struct modbus_read *reads; /* room for object_count of them */
@@ -137,6 +140,9 @@ struct modbus_device {
 	struct modbus_device_counters counters;
 	struct modbus_latency latency;
 	struct modbus_pause pause;
+	struct modbus_write_functions {
+		uint8_t coils, registers; /* learned by exception 1 to the other one; 0: nothing was */
+	} writes;
 	uint32_t read_count;
 	bool news;          /* of what it takes (learned.h); the caller's to clear */
 	int64_t backoff_ns; /* in force while it is dead, else 0 */
@@ -189,6 +195,8 @@ struct modbus_events {
 	void (*late)(void *context, uint32_t device, int64_t latency_ns, int64_t now_ns);
 	/* The device needs that pause behind its answer. */
 	void (*pause)(void *context, uint32_t device, int64_t pause_ns, int64_t now_ns);
+	/* The device does not know a function that writes, and is written with the other one from now on. */
+	void (*turned)(void *context, uint32_t device, uint8_t unknown, uint8_t function, int64_t now_ns);
 	/* What was asked of the device, another unit answers. */
 	void (*stranger)(void *context, uint32_t device, uint8_t unit, int64_t now_ns);
 };
@@ -281,6 +289,9 @@ int64_t modbus_next_backoff(int64_t backoff_ns);
 
 /* What the line loses to a probe that is not answered within the time-out. */
 int64_t modbus_vain_probe_ns(const struct modbus_wire *wire, int64_t timeout_ns);
+
+/* The functions that a former process had learned; 0, or what is none: nothing. */
+void modbus_take_functions(struct modbus_device *device, uint32_t coils, uint32_t registers);
 
 /* Plans the reads of all devices. The line is closed then. */
 void modbus_line_init(struct modbus_line *line);

@@ -85,6 +85,13 @@ struct modbus_command modbus_take_command(struct modbus_line *line, uint32_t pla
 /* Answers those whose deadline has passed, or all: they are not sent. */
 void modbus_drop_old_commands(struct modbus_line *line, int64_t now_ns);
 void modbus_drop_commands(struct modbus_line *line);
+/* Writes one coil or register with the function that the device knows, as far as is known. */
+void modbus_choose_function(const struct modbus_device *device, struct modbus_request *request);
+/*
+ * The device does not know the function of line->command (exception 1), so it has certainly not carried it out. True: the
+ * command goes out once more, with the other function that writes the same.
+ */
+bool modbus_turn_command(struct modbus_line *line, int64_t now_ns);
 /* Answers line->command. What was written is read back. */
 void modbus_end_command(struct modbus_line *line, enum modbus_result result, uint8_t exception);
 

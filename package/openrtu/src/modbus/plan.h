@@ -13,8 +13,9 @@
 #define MODBUS_REACTION_NS 5000000LL
 
 /* MODBUS Application Protocol V1.1b3, 7: what a device that takes less than it is asked for says of it. */
-#define MODBUS_ILLEGAL_ADDRESS 2
-#define MODBUS_ILLEGAL_VALUE   3 /* the quantity */
+#define MODBUS_ILLEGAL_FUNCTION 1
+#define MODBUS_ILLEGAL_ADDRESS  2
+#define MODBUS_ILLEGAL_VALUE    3 /* the quantity */
 
 /* What a device offers at one address. Its bits or registers always travel in one answer. */
 struct modbus_object {

@@ -64,6 +64,8 @@ struct modbus_device_stats {
 	_Atomic uint32_t errors;         /* crc, wrong answers */
 	_Atomic uint32_t missed_periods; /* in which a read with a period was not begun */
 	_Atomic uint32_t pause_us;       /* learned, that it needs behind its answers; 0: none */
+	/* Functions that write one of them, learned by exception 1 to the other one; 0: none. */
+	_Atomic uint32_t writes_coils, writes_registers;
 	/* What the process that runs knows: the next one begins anew. */
 	_Atomic uint32_t alive;            /* 1: the last request was answered */
 	_Atomic uint32_t next_probe_ms;    /* back-off now in force, 0 when alive */

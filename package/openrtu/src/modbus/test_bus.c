@@ -86,6 +86,15 @@ static void on_stranger(void *context, uint32_t device, uint8_t unit, int64_t no
 	bus.stranger = unit;
 }
 
+static void on_turned(void *context, uint32_t device, uint8_t unknown, uint8_t function, int64_t now_ns)
+{
+	assert_ptr_equal(context, &bus);
+	assert_int_equal(now_ns, bus.now_ns);
+	assert_true(bus.slaves[device].unknown & 1u << unknown);
+	assert_int_not_equal(unknown, function);
+	bus.turns++;
+}
+
 static void on_pause(void *context, uint32_t device, int64_t pause_ns, int64_t now_ns)
 {
 	assert_ptr_equal(context, &bus);
@@ -100,6 +109,7 @@ static const struct modbus_events events = {.read = on_read,
 					    .command = on_command,
 					    .late = on_late,
 					    .pause = on_pause,
+					    .turned = on_turned,
 					    .stranger = on_stranger};
 
 /* ---- the devices -------------------------------------------------------------------------------- */
@@ -131,10 +141,17 @@ static bool covers(const struct modbus_request *request, int address)
 	return address >= request->address && address < request->address + request->count;
 }
 
+static bool is_unknown(const struct slave *slave, const struct modbus_request *request)
+{
+	return (slave->unknown & 1u << request->function) != 0;
+}
+
 static uint8_t exception_for(const struct slave *slave, const struct modbus_request *request)
 {
 	if (slave->exception)
 		return slave->exception;
+	if (is_unknown(slave, request))
+		return MODBUS_ILLEGAL_FUNCTION;
 	if (slave->most > 0 && modbus_is_read(request->function) && request->count > slave->most)
 		return MODBUS_ILLEGAL_VALUE;
 	for (int i = 0; i < slave->blanks; i++)
@@ -330,7 +347,7 @@ static void slave_takes(struct slave *slave, const struct modbus_request *reques
 		return;
 	if (covers(request, slave->deaf) && request->count > 1)
 		return;
-	if (is_ignored(request))
+	if (is_ignored(request) || (slave->dumb && is_unknown(slave, request)))
 		return;
 	if (slave->one_ear && bus.busy_ns < slave->free_ns)
 		return;
@@ -369,6 +386,10 @@ static struct modbus_request parse(const uint8_t *bytes, size_t length)
 		break;
 	case MODBUS_WRITE_REGISTER:
 		request.values[0] = modbus_register(bytes, 2);
+		break;
+	case MODBUS_WRITE_COILS:
+		request.count = modbus_register(bytes, 2);
+		request.values[0] = bytes[7] & 1;
 		break;
 	case MODBUS_WRITE_REGISTERS:
 		request.count = modbus_register(bytes, 2);

@@ -54,6 +54,8 @@ struct slave {
 	bool one_ear;           /* what is asked until then is lost, not done later */
 	int64_t pause_ns;       /* the same for so long behind that; what is lost begins it anew */
 	uint8_t exception;      /* its answer to everything, when not 0 */
+	uint32_t unknown;       /* functions that it does not know, a bit each */
+	bool dumb;              /* and does not answer */
 	int missing;            /* address it answers with exception 2; -1: none */
 	uint16_t blank, blanks; /* so many addresses from there on that it answers with exception 2 */
 	uint16_t most;          /* not 0: a read of more is answered with exception 3 */
@@ -116,6 +118,7 @@ struct bus {
 	int64_t died_ns[DEVICES_MAX];
 	unsigned pauses[DEVICES_MAX]; /* said */
 	int64_t pause_ns[DEVICES_MAX];
+	unsigned turns; /* of functions */
 	unsigned lates[DEVICES_MAX], strangers[DEVICES_MAX];
 	int64_t late_ns[DEVICES_MAX]; /* the latest */
 	uint8_t stranger;             /* the latest */

@@ -117,6 +117,12 @@ static void learn_pause(struct modbus_line *line, int64_t now_ns)
 		line->events->pause(line->context, line->device, news_ns, now_ns);
 }
 
+static void command_answered(struct modbus_line *line, bool is_exception, uint8_t exception, int64_t now_ns)
+{
+	if (exception != MODBUS_ILLEGAL_FUNCTION || !modbus_turn_command(line, now_ns))
+		modbus_end_command(line, is_exception ? MODBUS_REFUSED : MODBUS_DONE, exception);
+}
+
 void modbus_request_answered(struct modbus_line *line, const uint8_t *body, bool is_exception, int64_t now_ns)
 {
 	struct modbus_device *device = &line->devices[line->device];
@@ -136,7 +142,7 @@ void modbus_request_answered(struct modbus_line *line, const uint8_t *body, bool
 	modbus_settle_unanswered(device, &line->request, is_exception, line->sent_ns, now_ns);
 
 	if (line->purpose == MODBUS_COMMAND)
-		modbus_end_command(line, is_exception ? MODBUS_REFUSED : MODBUS_DONE, exception);
+		command_answered(line, is_exception, exception, now_ns);
 	else if (line->purpose == MODBUS_SCAN && !is_exception)
 		read_answered(line, body + 3, now_ns);
 	else if (line->purpose == MODBUS_SCAN && !unreachable)

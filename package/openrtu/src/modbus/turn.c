@@ -46,6 +46,7 @@ static size_t begin_command(struct modbus_line *line, int64_t now_ns)
 
 		if (!is_first_of_device(line, place) || now_ns < modbus_surely_ready_ns(device))
 			continue;
+		modbus_choose_function(device, &line->commands[place].request);
 		modbus_forget_unanswered(device, now_ns);
 		if (!modbus_owes(device, line->commands[place].request.function) &&
 		    !modbus_may_be_busy(device, now_ns)) {

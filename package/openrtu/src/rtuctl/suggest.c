@@ -194,9 +194,25 @@ static void judge_pause(struct device *device)
 	remark(device, "pause_ms %u: it does not answer what comes sooner behind its answer", pause_ms);
 }
 
+/* Registers decide: most devices have more of them to be written. */
+static void judge_functions(struct device *device)
+{
+	uint32_t registers = device->stats->writes_registers, coils = device->stats->writes_coils;
+	uint32_t function = registers != 0 ? registers : coils;
+	bool multiple = function == MODBUS_WRITE_COILS || function == MODBUS_WRITE_REGISTERS;
+	const char *value = multiple ? "multiple" : "single";
+
+	if (function == 0 || multiple == device->config->writes_multiple)
+		return;
+	json_object_set_new(device->keys, "write_function", json_string(value));
+	remark(device, "write_function %s: it refused the other as an illegal function, and took %u", value,
+	       function);
+}
+
 static void judge(struct device *device)
 {
 	judge_pause(device);
+	judge_functions(device);
 	if (device->stats->learned.open > 0) {
 		remark(device, "%u of its reads were not answered yet, try again later",
 		       device->stats->learned.open);

@@ -540,6 +540,25 @@ static void test_suggest_a_pause(void **state)
 	forget();
 }
 
+static void test_suggest_a_write_function(void **state)
+{
+	struct modbus_device_stats *stats = modbus_device_stats(owner, 0);
+
+	(void)state;
+	forget();
+	stats->writes_registers = 16;
+	assert_suggested("\"write_function\": \"multiple\"");
+	assert_contains(
+	    "write_function multiple: it refused the other as an illegal function, and took 16\n");
+	stats->writes_registers = 6; /* which is the configuration's */
+	assert_suggested("");
+	stats->writes_coils = 15;
+	assert_suggested("");
+	stats->writes_registers = 0;
+	assert_suggested("\"write_function\": \"multiple\"");
+	stats->writes_coils = 0;
+}
+
 /* Of the connection: a key of its port, and what needs none. */
 static void test_suggest_what_a_connection_needs(void **state)
 {
@@ -909,6 +928,7 @@ int main(int argc, char **argv)
 	    cmocka_unit_test(test_suggest_a_reaction),
 	    cmocka_unit_test(test_suggest_a_pause),
 	    cmocka_unit_test(test_suggest_what_a_connection_needs),
+	    cmocka_unit_test(test_suggest_a_write_function),
 	    cmocka_unit_test(test_suggest_no_holes),
 	    cmocka_unit_test(test_suggest_nothing_unsound),
 	    cmocka_unit_test(test_iec104),

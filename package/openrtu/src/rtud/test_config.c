@@ -337,10 +337,10 @@ static void test_an_object_has_its_own_period_or_its_slaves(void **state)
 
 static void test_a_slave_has_its_limits_or_the_protocols(void **state)
 {
-	struct map_config config =
-	    load("{'port': [" LINE("3", "{'id': 1, 'max_bits': 32, 'max_registers': 4, 'holes': false, "
-					"'reaction_ms': 12.5, 'pause_ms': 300}, "
-					"{'id': 2, 'holes': true}") "]}");
+	struct map_config config = load(
+	    "{'port': [" LINE("3", "{'id': 1, 'max_bits': 32, 'max_registers': 4, 'holes': false, "
+				   "'reaction_ms': 12.5, 'pause_ms': 300, 'write_function': 'multiple'}, "
+				   "{'id': 2, 'holes': true}") "]}");
 
 	(void)state;
 	assert_int_equal(modbus_slaves(&config)[0].max_bits, 32);
@@ -348,6 +348,8 @@ static void test_a_slave_has_its_limits_or_the_protocols(void **state)
 	assert_true(modbus_slaves(&config)[0].no_holes);
 	assert_int_equal(modbus_slaves(&config)[0].reaction_us, 12500);
 	assert_int_equal(modbus_slaves(&config)[0].pause_ms, 300);
+	assert_true(modbus_slaves(&config)[0].writes_multiple);
+	assert_false(modbus_slaves(&config)[1].writes_multiple);
 	assert_int_equal(modbus_slaves(&config)[1].max_bits, 2000);
 	assert_int_equal(modbus_slaves(&config)[1].max_registers, 125);
 	assert_false(modbus_slaves(&config)[1].no_holes);

@@ -190,6 +190,18 @@ static void not_written(struct commands *commands, struct commands_progress *pro
 	progress->reported = true;
 }
 
+/* Of the device's own word alone: it has certainly not carried it out. */
+static bool is_unknown(enum modbus_result result, uint8_t exception)
+{
+	return result == MODBUS_REFUSED && exception == MODBUS_ILLEGAL_FUNCTION;
+}
+
+static void write_divided(struct commands *commands, struct commands_progress *progress, int64_t now_ns)
+{
+	if (!write_next(commands, progress, MODBUS_NEVER))
+		not_written(commands, progress, MODBUS_NOT_SENT, 0, now_ns);
+}
+
 void commands_answered(struct commands *commands, uint32_t point, enum modbus_result result,
 		       uint8_t exception, int64_t now_ns)
 {
@@ -197,7 +209,9 @@ void commands_answered(struct commands *commands, uint32_t point, enum modbus_re
 
 	if (progress == NULL)
 		return;
-	if (result != MODBUS_DONE)
+	if (is_unknown(result, exception) && operation_divide(&progress->operation))
+		write_divided(commands, progress, now_ns);
+	else if (result != MODBUS_DONE)
 		not_written(commands, progress, result, exception, now_ns);
 	else if (++progress->next == progress->operation.count)
 		all_written(commands, progress, now_ns);

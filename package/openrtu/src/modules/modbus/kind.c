@@ -114,7 +114,8 @@ static bool same_slave(const struct map_config *a, uint32_t in_a, const struct m
 	    of_a->response_timeout_min_ms != of_b->response_timeout_min_ms ||
 	    of_a->max_bits != of_b->max_bits || of_a->max_registers != of_b->max_registers ||
 	    of_a->no_holes != of_b->no_holes || of_a->probe_max_s != of_b->probe_max_s ||
-	    of_a->reaction_us != of_b->reaction_us || of_a->pause_ms != of_b->pause_ms)
+	    of_a->reaction_us != of_b->reaction_us || of_a->pause_ms != of_b->pause_ms ||
+	    of_a->writes_multiple != of_b->writes_multiple)
 		return false;
 	for (uint32_t i = 0; i < a->sets[in_a].point_count; i++)
 		if (!same_point(a, a->sets[in_a].first_point + i, b, b->sets[in_b].first_point + i))

@@ -51,6 +51,8 @@ static void show_device(struct modbus_device_stats *stats, struct modbus_device 
 	show(&stats->latency_us, device->counters.latency_us);
 	show(&stats->planned_requests, device->read_count);
 	show(&stats->missed_periods, device->counters.missed_periods);
+	show(&stats->writes_coils, device->writes.coils);
+	show(&stats->writes_registers, device->writes.registers);
 	show(&stats->pause_us, (uint32_t)(modbus_pause_learned_ns(&device->pause) / NS_PER_US));
 	show(&stats->latency_least_us, device->latency.least_us);
 	show(&stats->latency_typical_us, device->latency.typical_us);
@@ -82,6 +84,7 @@ static void take_device(struct modbus_device *device, const struct modbus_device
 	    .errors = stats->errors,
 	    .missed_periods = stats->missed_periods,
 	};
+	modbus_take_functions(device, stats->writes_coils, stats->writes_registers);
 	modbus_pause_take(&device->pause, stats->pause_us * NS_PER_US, map_now_ns());
 }
 

@@ -209,6 +209,18 @@ static void say_pause(void *context, uint32_t device, int64_t pause_ns, int64_t 
 			slave_config(results, device)->pause_ms);
 }
 
+static void say_turned(void *context, uint32_t device, uint8_t unknown, uint8_t function, int64_t now_ns)
+{
+	struct line_results *results = context;
+
+	if (map_repeats_happened(&results->news[device].turns, 1, now_ns) > 0)
+		map_log(
+		    results->map, MAP_LOG_WARNING,
+		    "%s: unit %u on port %u does not know function %u (exception 1), it is written with %u",
+		    device_config(results, device)->name, slave_config(results, device)->unit,
+		    results->config->port, unknown, function);
+}
+
 static void say_stranger(void *context, uint32_t device, uint8_t unit, int64_t now_ns)
 {
 	struct line_results *results = context;
@@ -239,4 +251,5 @@ const struct modbus_events line_results_events = {.read = publish_read,
 						  .mute = say_mute,
 						  .late = say_late,
 						  .pause = say_pause,
+						  .turned = say_turned,
 						  .stranger = say_stranger};

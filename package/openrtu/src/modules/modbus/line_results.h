@@ -17,7 +17,7 @@
 struct line_news {
 	bool is_late;     /* its last answer came too late, and that has been said */
 	int16_t stranger; /* who answered for it, which has been said; LINE_NEWS_NOBODY: nobody */
-	struct map_repeats late, strangers, pauses;
+	struct map_repeats late, strangers, pauses, turns;
 	struct map_trouble death;
 	struct map_lines refusals; /* lines about them */
 };

@@ -77,6 +77,19 @@ static void write_two_coils(const struct modbus_point *point, uint8_t unit, cons
 	}
 }
 
+bool operation_divide(struct operation *operation)
+{
+	const struct modbus_request both = operation->writes[0];
+	unsigned off_first = both.values[0] != 0;
+
+	if (operation->count != 1 || both.function != MODBUS_WRITE_COILS || both.count != 2)
+		return false;
+	operation->count = 2;
+	operation->writes[off_first] = coil(both.unit, both.address, both.values[0]);
+	operation->writes[!off_first] = coil(both.unit, (uint16_t)(both.address + 1), both.values[1]);
+	return true;
+}
+
 /* The register's other bits stay as they are, whatever the device has made of them since they were read. */
 static struct modbus_request write_register_bits(const struct modbus_point *point, uint8_t unit,
 						 uint16_t word)

@@ -32,6 +32,12 @@ enum map_command_result operation_begin(const struct map_point *point, const str
 /* The writes that end a pulse of a single or double point: its coils off, or on where they are inverted. */
 void operation_end(const struct modbus_point *point, uint8_t unit, struct operation *out);
 
+/*
+ * Makes two writes of one function 15 of two coils, for a device that does not know it: that which goes off is written first. False:
+ * it is none.
+ */
+bool operation_divide(struct operation *operation);
+
 /* The write of this point turns a coil on: unanswered, it may have begun a pulse. */
 bool operation_switches_on(const struct modbus_point *point, const struct modbus_request *write);
 

@@ -4,10 +4,11 @@
 #include "modules/modbus/commands.h"
 #include "modules/modbus/convert.h"
 
-#define MS       1000000LL
-#define COIL     1 /* a single point */
-#define APART    2 /* a double point on coils 10 and 20 */
-#define REGISTER 3
+#define MS         1000000LL
+#define COIL       1 /* a single point */
+#define APART      2 /* a double point on coils 10 and 20 */
+#define REGISTER   3
+#define NEIGHBOURS 0 /* a double point on coils 10 and 11 */
 
 static struct write {
 	uint32_t point;
@@ -65,6 +66,9 @@ static int start_stage(void **state)
 	wire[APART].width = 2;
 	wire[APART].address = 10;
 	wire[APART].second_address = 20;
+	points[NEIGHBOURS] = points[APART];
+	wire[NEIGHBOURS] = wire[APART];
+	wire[NEIGHBOURS].second_address = 11;
 	points[REGISTER].flags = MAP_POINT_COMMAND;
 	wire[REGISTER].format = MODBUS_FORMAT_INT16;
 	map_add_section(&stage->config, MODBUS_POINTS, sizeof(wire[0]), POINTS, wire);
@@ -310,6 +314,32 @@ static void test_the_second_write_waits_for_the_first(void **state)
 	assert_int_equal(write_count, 0);
 }
 
+/* By the device's own word, and no other, it is written coil by coil. */
+static void test_a_device_without_function_15_gets_two_writes(void **state)
+{
+	(void)state;
+	command(NEIGHBOURS, 2, 0);
+	expect(MAP_EXECUTING, MAP_RESULT_NONE);
+	assert_int_equal(writes[0].request.function, MODBUS_WRITE_COILS);
+	write_count = 0;
+	commands_answered(&commands, NEIGHBOURS, MODBUS_REFUSED, MODBUS_ILLEGAL_FUNCTION, now);
+	expect_no_answer();
+	expect_write(NEIGHBOURS, 10, 0);
+	device_answers(NEIGHBOURS, MODBUS_DONE);
+	expect_write(NEIGHBOURS, 11, 1);
+	device_answers(NEIGHBOURS, MODBUS_DONE);
+	expect(MAP_EXECUTING, MAP_RESULT_DONE);
+	read_back(NEIGHBOURS);
+	expect(MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
+
+	command(NEIGHBOURS, 1, 0);
+	expect(MAP_EXECUTING, MAP_RESULT_NONE);
+	write_count = 0;
+	device_answers(NEIGHBOURS, MODBUS_TIMED_OUT);
+	expect(MAP_REFUSED_COMMAND, MAP_RESULT_TIMEOUT);
+	assert_int_equal(write_count, 0);
+}
+
 static void begin_pulse(uint16_t pulse_ms)
 {
 	command(COIL, 1, pulse_ms);
@@ -485,6 +515,7 @@ int main(void)
 	    TEST_COMMANDS(test_refusals),
 	    TEST_COMMANDS(test_without_its_power_of_ten_nothing_is_written),
 	    TEST_COMMANDS(test_the_second_write_waits_for_the_first),
+	    TEST_COMMANDS(test_a_device_without_function_15_gets_two_writes),
 	    TEST_COMMANDS(test_a_pulse_ends),
 	    TEST_COMMANDS(test_a_pulse_that_is_not_read_back_ends_with_its_last_write),
 	    TEST_COMMANDS(test_a_pulse_is_ended_until_the_device_confirms),

@@ -139,6 +139,27 @@ static void test_of_coils_that_lie_apart_off_goes_first(void **state)
 	assert_true(operation_switches_on(&apart.wire, &operation.writes[1]));
 }
 
+static void test_two_neighbours_are_divided_and_off_goes_first(void **state)
+{
+	struct operation operation = begin(neighbours, set(2), none);
+
+	(void)state;
+	assert_one_write(operation, MODBUS_WRITE_COILS, 10, 0, 1);
+	assert_true(operation_divide(&operation));
+	assert_int_equal(operation.count, 2);
+	assert_write(&operation.writes[0], MODBUS_WRITE_COIL, 10, 0, 0);
+	assert_write(&operation.writes[1], MODBUS_WRITE_COIL, 11, 1, 0);
+	assert_false(operation_divide(&operation));
+	operation = begin(neighbours, set(1), none);
+	assert_true(operation_divide(&operation));
+	assert_write(&operation.writes[0], MODBUS_WRITE_COIL, 11, 0, 0);
+	assert_write(&operation.writes[1], MODBUS_WRITE_COIL, 10, 1, 0);
+	operation = begin(single, set(1), none);
+	assert_false(operation_divide(&operation));
+	operation = begin(current, set(1), none); /* half of a value is none */
+	assert_false(operation_divide(&operation));
+}
+
 static void test_the_end_of_a_pulse_is_off(void **state)
 {
 	struct operation operation;
@@ -278,6 +299,7 @@ int main(void)
 	    cmocka_unit_test(test_a_pulse_of_an_inverted_coil),
 	    cmocka_unit_test(test_one_write_of_one_object),
 	    cmocka_unit_test(test_of_coils_that_lie_apart_off_goes_first),
+	    cmocka_unit_test(test_two_neighbours_are_divided_and_off_goes_first),
 	    cmocka_unit_test(test_the_end_of_a_pulse_is_off),
 	    cmocka_unit_test(test_what_takes_a_pulse),
 	    cmocka_unit_test(test_steps_go_from_the_last_value),
