@@ -229,7 +229,10 @@ def test_a_key_that_others_may_read_is_refused(pki: Pki, programs: Path) -> None
     with server_with(pki, programs, **files) as server:
         station.key.chmod(0o404)
         server.gateway.kill("rtu-iec61850")
-        server.wait_log(r"rtu-iec61850 error: the key .*: other users may read it: type chmod o= for it$")
+        server.wait_log(
+            r"rtu-iec61850 error: the key .*: other users may read it: type chmod o= for it\n"
+            r"(.*\n)*.*rtu-iec61850 exited with code 1"
+        )
         station.key.chmod(0o400)
         server.wait_log(r"rtu-iec61850 exited with code 1(.*\n)*.*rtu-iec61850 info: listening on")
         with server.client() as client:
