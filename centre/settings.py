@@ -24,6 +24,12 @@ from openrtu_tools.programs import command
 
 Json = dict[str, Any]
 
+
+def says(text: str, rule: Json) -> Json:
+    """A key with what docs/control-centre.md says of it: `make keys` writes the page's tables."""
+    return {"description": text, **rule}
+
+
 # Of a station; of a common address: its points, its time tags; of a point; of a vehicle and an area; of many
 # stations at once.
 ALARM_KINDS = ("lost", "quality", "clock", "high", "low", "state", "inside", "outside", "network")
@@ -63,25 +69,48 @@ ALARMS = {
     },
 }
 STATION = {
-    "location": {
-        "type": "array",
-        "prefixItems": [
-            {"type": "number", "minimum": -90, "maximum": 90},
-            {"type": "number", "minimum": -180, "maximum": 180},
-        ],
-        "minItems": 2,
-        "maxItems": 2,
-    },
-    "group": {"type": "string", "maxLength": 64},
-    "points": {"type": "string"},
-    "release": {"type": "boolean"},
-    "higher": {
-        "type": "object",
-        "additionalProperties": False,
-        "patternProperties": {"^[0-9]{1,5}$": {"type": "integer", "minimum": 0, "maximum": 13_000_000}},
-    },
-    "higher_ca": {"type": "integer", "minimum": 1, "maximum": 65534},
-    "alarms": {"type": "object", "additionalProperties": ALARM},
+    "location": says(
+        "latitude and longitude of a station that stays where it is; a vehicle says its own place",
+        {
+            "type": "array",
+            "prefixItems": [
+                {"type": "number", "minimum": -90, "maximum": 90},
+                {"type": "number", "minimum": -180, "maximum": 180},
+            ],
+            "minItems": 2,
+            "maxItems": 2,
+        },
+    ),
+    "group": says(
+        "a word to find stations by; a [user](#users) and an area can be of groups",
+        {"type": "string", "maxLength": 64},
+    ),
+    "points": says(
+        "its list of points: a gateway's configuration (`.json`, read by `rtud --points`), or a "
+        "table (`.csv`) with at least the columns `ca` and `ioa`. The columns are those of `rtud "
+        "--points FILE --csv`, and `low`, `high`, `state`, `priority`, `deadband`, `class` of an "
+        "alarm. Without a list, points are named by their addresses and take no commands",
+        {"type": "string"},
+    ),
+    "release": says("a second person executes each command of this station", {"type": "boolean"}),
+    "higher": says(
+        "what of it [a higher centre](#a-higher-centre) sees: by common address, what is added to"
+        " the addresses of its objects",
+        {
+            "type": "object",
+            "additionalProperties": False,
+            "patternProperties": {"^[0-9]{1,5}$": {"type": "integer", "minimum": 0, "maximum": 13_000_000}},
+        },
+    ),
+    "higher_ca": says(
+        "the common address by which that sees it [that of all]",
+        {"type": "integer", "minimum": 1, "maximum": 65534},
+    ),
+    "alarms": says(
+        "by a point's name: above `high`, below `low`, or in a `state`; `priority` 1 (highest) to"
+        " 3 [2]; `deadband` and `class`: [below](#alarm-rules)",
+        {"type": "object", "additionalProperties": ALARM},
+    ),
 }
 PLACE = STATION["location"]
 AREA = {
@@ -128,18 +157,25 @@ MQTT = {
     "required": ["host"],
     "dependentRequired": {"user": ["password_file"], "password_file": ["user"]},
     "properties": {
-        "host": {"type": "string", "minLength": 1},
-        "port": {"type": "integer", "minimum": 1, "maximum": 65535},
-        "prefix": {"type": "string", "pattern": "^[^+#$][^+#]*[^+#/]$"},
-        "user": {"type": "string"},
-        "password_file": {"type": "string"},
-        "tls": {
-            "type": "object",
-            "additionalProperties": False,
-            "dependentRequired": {"certificate": ["key"], "key": ["certificate"]},
-            "properties": {key: {"type": "string"} for key in ("ca", "certificate", "key")},
-        },
-        "commands": {"type": "boolean"},
+        "host": says("the broker, MQTT 5", {"type": "string", "minLength": 1}),
+        "port": says(
+            "its TCP port [1883, with `tls` 8883]", {"type": "integer", "minimum": 1, "maximum": 65535}
+        ),
+        "prefix": says("before each topic", {"type": "string", "pattern": "^[^+#$][^+#]*[^+#/]$"}),
+        "user": says("who the centre is", {"type": "string"}),
+        "password_file": says(
+            "a file whose first line is the password; nobody else may read it", {"type": "string"}
+        ),
+        "tls": says(
+            "an object: TLS. `ca` a file [those of the system], `certificate` and `key` of the centre itself",
+            {
+                "type": "object",
+                "additionalProperties": False,
+                "dependentRequired": {"certificate": ["key"], "key": ["certificate"]},
+                "properties": {key: {"type": "string"} for key in ("ca", "certificate", "key")},
+            },
+        ),
+        "commands": says("takes commands from the bus", {"type": "boolean"}),
     },
 }
 PUSH = {
@@ -159,52 +195,66 @@ NOTIFY = {
     "additionalProperties": False,
     "required": ["targets", "rules"],
     "properties": {
-        "mail": {
-            "type": "object",
-            "additionalProperties": False,
-            "required": ["host", "from"],
-            "dependentRequired": {"user": ["password_file"], "password_file": ["user"]},
-            "properties": {
-                "host": {"type": "string", "minLength": 1},
-                "port": {"type": "integer", "minimum": 1, "maximum": 65535},
-                "starttls": {"type": "boolean"},
-                "from": ADDRESS,
-                "user": {"type": "string"},
-                "password_file": {"type": "string"},
-                "ca": {"type": "string"},
-            },
-        },
-        "targets": {
-            "type": "object",
-            "additionalProperties": {
+        "mail": says(
+            "the server that takes mails, over TLS only: `host`, `port` [465, with `starttls` 587], "
+            "`starttls` [false], `from`, `user`, `password_file`, `ca`",
+            {
                 "type": "object",
                 "additionalProperties": False,
-                "oneOf": [{"required": ["mail"]}, {"required": ["webhook"]}],
-                "dependentRequired": {"token_file": ["webhook"], "ca": ["webhook"]},
+                "required": ["host", "from"],
+                "dependentRequired": {"user": ["password_file"], "password_file": ["user"]},
                 "properties": {
-                    "mail": ADDRESS,
-                    "webhook": {"type": "string", "pattern": "^https://[^/@\\s]+(/\\S*)?$"},
-                    "token_file": {"type": "string"},
+                    "host": {"type": "string", "minLength": 1},
+                    "port": {"type": "integer", "minimum": 1, "maximum": 65535},
+                    "starttls": {"type": "boolean"},
+                    "from": ADDRESS,
+                    "user": {"type": "string"},
+                    "password_file": {"type": "string"},
                     "ca": {"type": "string"},
-                    "gone": {"type": "boolean"},
                 },
             },
-        },
-        "rules": {
-            "type": "array",
-            "items": {
+        ),
+        "targets": says(
+            "by name: a `mail` address, or a `webhook` (HTTPS) with `token_file` (`Authorization: "
+            "Bearer`) and `ca` [those of the system]; `gone`: it is told, too, when an alarm of which"
+            " it was told has gone [false]",
+            {
                 "type": "object",
-                "additionalProperties": False,
-                "required": ["to"],
-                "properties": {
-                    "to": {"type": "array", "items": {"type": "string"}, "minItems": 1},
-                    "priority": {"type": "integer", "minimum": 1, "maximum": 3},
-                    "kinds": {"type": "array", "items": {"enum": list(ALARM_KINDS)}},
-                    "group": {"type": "string"},
-                    "after_s": {"type": "number", "minimum": 0},
+                "additionalProperties": {
+                    "type": "object",
+                    "additionalProperties": False,
+                    "oneOf": [{"required": ["mail"]}, {"required": ["webhook"]}],
+                    "dependentRequired": {"token_file": ["webhook"], "ca": ["webhook"]},
+                    "properties": {
+                        "mail": ADDRESS,
+                        "webhook": {"type": "string", "pattern": "^https://[^/@\\s]+(/\\S*)?$"},
+                        "token_file": {"type": "string"},
+                        "ca": {"type": "string"},
+                        "gone": {"type": "boolean"},
+                    },
                 },
             },
-        },
+        ),
+        "rules": says(
+            "`to`: names of targets. Of which alarms: of this `priority` or a higher one [3], of "
+            "these `kinds` [all], of stations of this `group` [all]; a fault of the network is of "
+            "all. `after_s`: nobody has acknowledged it so long after it came [0]",
+            {
+                "type": "array",
+                "items": {
+                    "type": "object",
+                    "additionalProperties": False,
+                    "required": ["to"],
+                    "properties": {
+                        "to": {"type": "array", "items": {"type": "string"}, "minItems": 1},
+                        "priority": {"type": "integer", "minimum": 1, "maximum": 3},
+                        "kinds": {"type": "array", "items": {"enum": list(ALARM_KINDS)}},
+                        "group": {"type": "string"},
+                        "after_s": {"type": "number", "minimum": 0},
+                    },
+                },
+            },
+        ),
     },
 }
 HIGHER = {
@@ -212,11 +262,20 @@ HIGHER = {
     "additionalProperties": False,
     "required": ["ca", "token_file"],
     "properties": {
-        "ca": {"type": "integer", "minimum": 1, "maximum": 65534},
-        "token_file": {"type": "string"},
-        "url": {"type": "string", "pattern": "^https?://"},
-        "tls_ca": {"type": "string"},
-        "gateway": {"type": "object"},
+        "ca": says(
+            "the common address by which the city sees all",
+            {"type": "integer", "minimum": 1, "maximum": 65534},
+        ),
+        "token_file": says(
+            "what the module shows to this centre; its user alone may read the file", {"type": "string"}
+        ),
+        "url": says("where this centre is reached [here]", {"type": "string", "pattern": "^https?://"}),
+        "tls_ca": says("the CA of its certificate [those of the system]", {"type": "string"}),
+        "gateway": says(
+            "all else of the gateway's [configuration](configuration.md): `iec104` with `address`, "
+            "`port` and `tls`, `journal`, …",
+            {"type": "object"},
+        ),
     },
 }
 OIDC = {
@@ -225,54 +284,105 @@ OIDC = {
     "required": ["issuer", "client_id", "url", "claim", "roles"],
     "properties": {
         # Without TLS on the machine itself alone: a code, a secret or a key can be read else, or exchanged.
-        "issuer": {"type": "string", "pattern": "^(https://|http://(127.0.0.1|localhost)[:/])[^?#]+$"},
-        "url": {"type": "string", "pattern": "^(https://|http://(127.0.0.1|localhost)[:/])[^?#]+[^?#/]$"},
-        "client_id": {"type": "string", "minLength": 1},
-        "secret_file": {"type": "string"},
-        "ca": {"type": "string"},
-        "label": {"type": "string", "minLength": 1, "maxLength": 64},
-        "scope": {"type": "string", "pattern": "^openid( |$)"},
-        "name": {"type": "string", "minLength": 1},
-        "claim": {"type": "string", "minLength": 1},
-        "session_h": {"type": "number", "exclusiveMinimum": 0},
-        "userinfo": {"type": "boolean"},
-        "logout": {"type": "boolean"},
-        "roles": {
-            "type": "array",
-            "minItems": 1,
-            "items": {
-                "type": "object",
-                "additionalProperties": False,
-                "required": ["value", "role"],
-                "properties": {
-                    "value": {"type": "string", "minLength": 1},
-                    "role": {"enum": list(ROLES)},
-                    "groups": {"type": "array", "items": {"type": "string", "pattern": "^[^\n]+$"}},
+        "issuer": says(
+            "the provider, exactly as it calls itself: by https, or by http on this machine",
+            {"type": "string", "pattern": "^(https://|http://(127.0.0.1|localhost)[:/])[^?#]+$"},
+        ),
+        "url": says(
+            "the centre as browsers reach it. Register there `URL/api/oidc/callback`, and for back-"
+            "channel logout `URL/api/oidc/logout`",
+            {"type": "string", "pattern": "^(https://|http://(127.0.0.1|localhost)[:/])[^?#]+[^?#/]$"},
+        ),
+        "client_id": says("the centre's name there", {"type": "string", "minLength": 1}),
+        "secret_file": says(
+            "a file whose first line is its secret; nobody else may read it. Without a file it is a "
+            "public client",
+            {"type": "string"},
+        ),
+        "ca": says("who has signed its certificate [the system's]", {"type": "string"}),
+        "label": says("what the page's button calls it", {"type": "string", "minLength": 1, "maxLength": 64}),
+        "scope": says("what the provider is asked for", {"type": "string", "pattern": "^openid( |$)"}),
+        "name": says(
+            "the claim that names a user [`preferred_username`, else `sub`]",
+            {"type": "string", "minLength": 1},
+        ),
+        "claim": says(
+            "a claim of the ID token, a text or a list, of whose values `roles` speaks",
+            {"type": "string", "minLength": 1},
+        ),
+        "session_h": says(
+            "how long a login by it lasts, whatever its token says [that of `centre`]",
+            {"type": "number", "exclusiveMinimum": 0},
+        ),
+        "userinfo": says(
+            "claims that the ID token has not are asked for at the provider's userinfo end point",
+            {"type": "boolean"},
+        ),
+        "logout": says(
+            "*Log out* leads to the provider's own logout; register there `URL/` as where it leads back",
+            {"type": "boolean"},
+        ),
+        "roles": says(
+            "what the claim's values let a user do, in which groups of stations. The first one that "
+            "fits counts. No value that fits: no entry. Nobody is an engineer whom the list does not "
+            "make one",
+            {
+                "type": "array",
+                "minItems": 1,
+                "items": {
+                    "type": "object",
+                    "additionalProperties": False,
+                    "required": ["value", "role"],
+                    "properties": {
+                        "value": {"type": "string", "minLength": 1},
+                        "role": {"enum": list(ROLES)},
+                        "groups": {"type": "array", "items": {"type": "string", "pattern": "^[^\n]+$"}},
+                    },
                 },
             },
-        },
+        ),
     },
 }
 CENTRE = {
-    "address": {"type": "string"},
-    "port": {"type": "integer", "minimum": 1, "maximum": 65535},
-    "database": {"type": "string"},
-    "gap_s": {"type": "number", "exclusiveMinimum": 0},
-    "session_h": {"type": "number", "exclusiveMinimum": 0},
-    "secure": {"type": "boolean"},
-    "zone": {"type": "string"},
-    "proxies": {"type": "array", "items": {"type": "string"}},
-    "map": {"type": "string"},
-    "pictures": {"type": "string"},
-    "tls": TLS,
-    "areas": {"type": "array", "items": AREA},
-    "alarms": ALARMS,
-    "keep": KEEP,
-    "mqtt": MQTT,
-    "higher": HIGHER,
-    "push": PUSH,
-    "oidc": OIDC,
-    "notify": NOTIFY,
+    "address": says("the address at which it serves", {"type": "string"}),
+    "port": says("its TCP port", {"type": "integer", "minimum": 1, "maximum": 65535}),
+    "database": says(
+        "the file of SQLite, or the address of a [PostgreSQL](#postgresql) server: `postgresql://…`"
+        " [`centre.db` beside the file]",
+        {"type": "string"},
+    ),
+    "gap_s": says("a track is cut where nothing came for so long", {"type": "number", "exclusiveMinimum": 0}),
+    "session_h": says("how long a login lasts", {"type": "number", "exclusiveMinimum": 0}),
+    "secure": says(
+        "browsers reach it by HTTPS only: the cookie says so [true with `tls`, else false]",
+        {"type": "boolean"},
+    ),
+    "zone": says("the site's time zone, as `Europe/Belgrade` [the machine's]", {"type": "string"}),
+    "proxies": says(
+        "addresses and networks of reverse proxies before it: their `X-Forwarded-For` says who asks [none]",
+        {"type": "array", "items": {"type": "string"}},
+    ),
+    "map": says(
+        "a map of your own, below [`map.pmtiles` beside the file, when it is there]", {"type": "string"}
+    ),
+    "pictures": says(
+        "the folder of [process pictures](process-pictures.md) [`pictures` beside the file, when "
+        "it is there]",
+        {"type": "string"},
+    ),
+    "tls": says(
+        '`{"certificate": …, "key": …}`, files in PEM: it serves HTTPS by itself. A key that '
+        "others may read is refused. A new pair is in force within seconds",
+        TLS,
+    ),
+    "areas": says("areas of the map: below", {"type": "array", "items": AREA}),
+    "alarms": says("classes of alarms, and when lost stations are one fault: [below](#alarm-rules)", ALARMS),
+    "keep": says("how long what is stored is kept: below [for ever]", KEEP),
+    "mqtt": says("a broker that is told what changes: [below](#mqtt)", MQTT),
+    "higher": says("how [a higher centre](#a-higher-centre) sees this one", HIGHER),
+    "push": says("a service that is told positions: [below](#positions-to-a-service)", PUSH),
+    "oidc": says("a provider of OpenID Connect whose users come in: [below](#users-of-a-provider)", OIDC),
+    "notify": says("who is told of alarms: [below](#notifications)", NOTIFY),
 }
 SCHEMA = {
     "type": "object",
@@ -589,17 +699,17 @@ def load(path: Path) -> Settings:
         collector,
         folder / content.get("socket", "consumer"),
         database if database.startswith(POSTGRESQL) else folder / database,
-        own.get("address", "127.0.0.1"),
-        own.get("port", 8104),
-        own.get("gap_s", 120.0),
-        own.get("session_h", 12.0),
+        own.get("address", Settings.address),
+        own.get("port", Settings.port),
+        own.get("gap_s", Settings.gap_s),
+        own.get("session_h", Settings.session_h),
         own.get("secure", "tls" in own),
         {station["name"]: _station(station, folder, alarms) for station in content["stations"]},
         Tls(folder / own["tls"]["certificate"], folder / own["tls"]["key"]) if "tls" in own else None,
         _areas(own.get("areas", [])),
         Keep(**own.get("keep", {})),
         _tiles(own.get("map"), folder),
-        content.get("shards", 1),
+        content.get("shards", Settings.shards),
         _mqtt(own["mqtt"], folder) if "mqtt" in own else None,
         _higher(own, folder) if "higher" in own else None,
         _push(own["push"], folder) if "push" in own else None,
@@ -657,7 +767,7 @@ def _oidc(own: Json, folder: Path) -> Oidc:
     if wanted["url"].startswith("https://") and not own.get("secure", "tls" in own):
         raise CentreError("oidc: url begins with https://: say that it is `secure`, for the cookies")
     files = {key: folder / wanted.pop(key) for key in ("secret_file", "ca") if key in wanted}
-    hours = wanted.pop("session_h", own.get("session_h", 12.0))
+    hours = wanted.pop("session_h", own.get("session_h", Settings.session_h))
     return Oidc(**wanted, **files, roles=tuple(roles), session_h=hours)
 
 
@@ -670,12 +780,12 @@ def _proxies(wanted: list[str]) -> tuple[Network, ...]:
 
 def _push(wanted: Json, folder: Path) -> Push:
     files = {key: folder / wanted[key] for key in ("token_file", "ca") if key in wanted}
-    return Push(wanted["url"], wanted.get("period_s", 10.0), **files)
+    return Push(wanted["url"], wanted.get("period_s", Push.period_s), **files)
 
 
 def _higher(own: Json, folder: Path) -> Higher:
     wanted = own["higher"]
-    address, port = own.get("address", "127.0.0.1"), own.get("port", 8104)
+    address, port = own.get("address", Settings.address), own.get("port", Settings.port)
     reached = {
         "url": wanted.get("url", f"http{'s' if 'tls' in own else ''}://{address}:{port}"),
         "token_file": str(folder / wanted["token_file"]),
@@ -690,11 +800,11 @@ def _mqtt(wanted: Json, folder: Path) -> Mqtt:
     return Mqtt(
         wanted["host"],
         wanted.get("port", 1883 if tls is None else 8883),
-        wanted.get("prefix", "openrtu"),
+        wanted.get("prefix", Mqtt.prefix),
         wanted.get("user", ""),
         folder / wanted["password_file"] if "password_file" in wanted else None,
         None if tls is None else ClientTls(**{key: folder / name for key, name in tls.items()}),
-        wanted.get("commands", False),
+        wanted.get("commands", Mqtt.commands),
     )
 
 
@@ -770,7 +880,7 @@ def _station(station: Json, folder: Path, rules: AlarmRules) -> StationSettings:
         location,
         station.get("group", ""),
         points,
-        station.get("release", False),
+        station.get("release", StationSettings.release),
         {int(ca): added for ca, added in station.get("higher", {}).items()},
         station.get("higher_ca"),
     )

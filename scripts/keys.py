@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Writes what is made of the rules of configurations: the JSON Schema, which rtud --schema prints, and
-from it the tables of docs/configuration.md; those of docs/centre.md from rtu-centre --schema. A table
-stands below a comment that names it:
+from it the tables of docs/configuration.md; those of docs/centre.md from rtu-centre --schema, and those of
+docs/control-centre.md from centre/settings.py. A table stands below a comment that names it:
 
     <!-- keys: slave -->            all keys of this definition of the schema, the outermost object being file
     <!-- keys: tcp_slave.id -->     one of them; several words, one after the other
+    <!-- settings: mqtt -->         an object of the control centre's file
 
 With --check it writes nothing, prints what is old, and exits with 1."""
 
@@ -18,11 +19,16 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from openrtu_tools.centre import settings
+
 SCHEMA = "package/openrtu/src/rtud/config.schema.json"
 PAGES = {"docs/configuration.md": "rtud/rtud", "docs/centre.md": "centre/rtu-centre"}
 FILE = "file"
+CENTRE_PAGE = "docs/control-centre.md"
 HEAD = "| key | values | default | meaning |\n|---|---|---|---|\n"
 TABLE = re.compile(r"(<!-- keys: ([\w. ]+) -->\n\n)(?:\|.*\n)*")
+SETTINGS_HEAD = "| key | default | what it says |\n|---|---|---|\n"
+SETTINGS = re.compile(r"(<!-- settings: (\w+) -->\n\n)(?:\|.*\n)*")
 SHOWN = 6  # values of a choice of numbers
 ENDLESS = 3e38  # beyond it a bound is that of a float
 
@@ -145,6 +151,41 @@ def page(keys: Keys, text: str) -> str:
     return TABLE.sub(table, text)
 
 
+def setting(key: str, rule: Rule, required: bool, home: type | None) -> str:
+    """A row: the default is said at the sentence's end in brackets, or that of the dataclass."""
+    text = rule["description"]
+    bracket = None if required else re.fullmatch(r"(.*) \[([^\[\]]*)\]", text)
+    value = getattr(home, key, None)
+    if required:
+        cell = "required"
+    elif bracket:
+        text, cell = bracket.groups()
+    elif isinstance(value, bool | int | float):
+        cell = f"{json.dumps(value) if isinstance(value, bool) else f'{value:.15g}'}"
+    else:
+        cell = f"`{value}`" if isinstance(value, str) and value else "none"
+    return f"| `{key}` | {cell} | {text} |\n"
+
+
+def control_centre(text: str) -> str:
+    tables: dict[str, tuple[Rule, type | None]] = {
+        "station": ({"properties": settings.STATION}, settings.StationSettings),
+        "centre": ({"properties": settings.CENTRE}, settings.Settings),
+        "oidc": (settings.OIDC, settings.Oidc),
+        "mqtt": (settings.MQTT, settings.Mqtt),
+        "notify": (settings.NOTIFY, None),
+        "higher": (settings.HIGHER, None),
+    }
+
+    def table(match: re.Match[str]) -> str:
+        schema, home = tables[match[2]]
+        required = schema.get("required", [])
+        rows = (setting(key, rule, key in required, home) for key, rule in schema["properties"].items())
+        return match[1] + SETTINGS_HEAD + "".join(rows)
+
+    return SETTINGS.sub(table, text)
+
+
 def main() -> int:
     words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     words.add_argument("--check", action="store_true", help="write nothing")
@@ -160,6 +201,7 @@ def main() -> int:
         made[path] = page(Keys(run.stdout, path), (given.tree / path).read_text(encoding="utf-8"))
         if program == "rtud/rtud":
             made[SCHEMA] = run.stdout
+    made[CENTRE_PAGE] = control_centre((given.tree / CENTRE_PAGE).read_text(encoding="utf-8"))
     old = [path for path, text in made.items() if (given.tree / path).read_text(encoding="utf-8") != text]
     for path in old:
         print(path)

@@ -65,7 +65,7 @@ REACH = [
     ("docs/telecontrol.md", "tests/test_event_journal.py tests/test_retained.py tests/test_station_tls*.py"),
     ("docs/positioning.md", "tests/test_station_position.py"),
     ("docs/centre.md", f"tests/test_centre.py tests/test_config.py {CODES} {KEYS}"),
-    ("docs/control-centre.md", "test-centre"),
+    ("docs/control-centre.md", f"test-centre tests/test_config.py {KEYS}"),
     ("docs/operators-day.md", "tests/centre/test_operators_day.py"),
     ("docs/process-pictures.md", "tests/centre/test_centre_picture_check.py"),
     ("docs/examples/pictures/*", "tests/centre/test_centre_picture_check.py"),
@@ -141,6 +141,10 @@ REACH = [
     ("package/openrtu/*", f"test-image {ON_BOARD}"),
     # the control centre
     ("centre/codes.py", f"{PIP} test-centre {CODES} tests/test_centre.py tests/test_position_object.py"),
+    (
+        "centre/settings.py",
+        f"{PIP} test-centre tests/test_config.py tests/bench/test_store.py {CODES} {KEYS}",
+    ),
     ("centre/apdu.py", f"{PIP} test-centre tests/test_asdu_decoders.py"),
     ("centre/*", f"{PIP} test-centre tests/bench/test_store.py {CODES}"),
     ("scripts/lab/centre_*.py", "lint test-centre"),
