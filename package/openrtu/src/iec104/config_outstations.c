@@ -25,8 +25,9 @@
 #define COUNT_MAX         1000
 
 /* Those that the standard has, and a position. */
-static const char *const types[] = {MAP_STANDARD_TYPES(MAP_TYPE_NAME) "position", NULL};
-#define POSITION (MAP_COUNTER + 1) /* after the last of them */
+#define POSITION      (MAP_COUNTER + 1) /* after the last of the standard's types */
+#define POSITION_TYPE "position"
+static const char *const types[] = {MAP_STANDARD_TYPES(MAP_TYPE_NAME) POSITION_TYPE, NULL};
 
 enum {
 	POINT_NAME,
@@ -576,7 +577,7 @@ static uint64_t count_points(const json_t *set)
 		    json_integer_value(json_object_get(point, point_rules[POINT_COUNT].name));
 		const char *type = json_string_value(json_object_get(point, point_rules[POINT_TYPE].name));
 
-		if (type != NULL && strcmp(type, types[POSITION]) == 0)
+		if (type != NULL && strcmp(type, POSITION_TYPE) == 0)
 			objects = IEC104_OUTSTATION_POSITION_POINTS;
 		count += objects > 1 && objects <= COUNT_MAX ? (uint64_t)objects : 1;
 	}
