@@ -103,6 +103,7 @@ struct modbus_device_counters {
 	uint32_t errors; /* CRC, wrong answers */
 	uint32_t latency_us;
 	uint32_t missed_periods; /* in which a read with a period was not sent */
+	uint32_t too_late;       /* answers behind response_timeout_ns */
 };
 
 struct modbus_line_counters {
@@ -139,6 +140,7 @@ struct modbus_device {
 	/* For the caller to look at. */
 	struct modbus_device_counters counters;
 	struct modbus_latency latency;
+	int64_t latest_ns; /* how late the latest of these was */
 	struct modbus_pause pause;
 	struct modbus_write_functions {
 		uint8_t coils, registers; /* learned by exception 1 to the other one; 0: nothing was */

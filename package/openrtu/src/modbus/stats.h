@@ -67,7 +67,9 @@ struct modbus_device_stats {
 	/* Functions that write one of them, learned by exception 1 to the other one; 0: none. */
 	_Atomic uint32_t writes_coils, writes_registers;
 	/* What the process that runs knows: the next one begins anew. */
-	_Atomic uint32_t alive;            /* 1: the last request was answered */
+	_Atomic uint32_t alive; /* 1: the last request was answered */
+	_Atomic uint32_t too_late,
+	    latest_ms;                     /* answers behind response_timeout_ms; how late the latest was */
 	_Atomic uint32_t next_probe_ms;    /* back-off now in force, 0 when alive */
 	_Atomic uint32_t latency_us;       /* last: end of request to first byte */
 	_Atomic uint32_t planned_requests; /* reads of one scan */

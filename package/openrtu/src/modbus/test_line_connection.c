@@ -211,6 +211,9 @@ static void test_a_slow_device_keeps_its_connection(void **state)
 	run_for(120 * SECOND);
 	assert_int_equal(bus.connections, 1);
 	assert_true(bus.lates[0] > 1);
+	assert_int_equal(bus.devices[0].counters.too_late, bus.lates[0]);
+	assert_true(bus.devices[0].latest_ns >= 1300 * MS);
+	assert_true(bus.devices[0].latest_ns < 1400 * MS);
 }
 
 /* ---- it wants time ----------------------------------------------------------------------------- */

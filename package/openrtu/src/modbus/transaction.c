@@ -172,6 +172,10 @@ void modbus_tell_late(struct modbus_line *line, uint32_t index, int64_t sent_ns,
 	struct modbus_device *device = &line->devices[index];
 	const int64_t latency_ns = began_ns - later(sent_ns, device->heard_ns);
 
+	if (sent_ns != 0 && latency_ns > device->response_timeout_ns) {
+		device->counters.too_late++;
+		device->latest_ns = later(device->latest_ns, latency_ns);
+	}
 	if (sent_ns != 0 && latency_ns > 0 && line->events->late != NULL)
 		line->events->late(line->context, index, latency_ns, now_ns);
 	device->heard_ns = device->spoken_ns = now_ns;

@@ -31,6 +31,8 @@ json_t *rows_device(const struct map *map, uint32_t index)
 	json_object_set_new(row, "latency_typical_ms", rows_milliseconds(stats->latency_typical_us));
 	json_object_set_new(row, "latency_most_ms", rows_milliseconds(stats->latency_most_us));
 	json_object_set_new(row, "pause_ms", rows_milliseconds(stats->pause_us));
+	json_object_set_new(row, "too_late", json_integer(stats->too_late));
+	json_object_set_new(row, "latest_ms", json_integer(stats->latest_ms));
 	json_object_set_new(row, "writes_coils", json_integer(stats->writes_coils));
 	json_object_set_new(row, "writes_registers", json_integer(stats->writes_registers));
 	json_object_set_new(row, "learned", learned_json(&stats->learned));

@@ -19,6 +19,10 @@
 #define TENTHS          10.0
 #define REAL_DIGITS     6
 
+#define LATE_ANSWERS     3 /* fewer may be a busy moment */
+#define TIME_OUT_STEP_MS 100
+#define TIME_OUT_MAX_MS  10000
+
 /* A reaction that differs by less is as it was: this part of it, and so much more. */
 #define REACTION_PART 0.25
 #define REACTION_MS   1.0
@@ -209,8 +213,25 @@ static void judge_functions(struct device *device)
 	       function);
 }
 
+/* With half as much again: the next one may be later. */
+static void judge_time_out(struct device *device)
+{
+	const struct modbus_device_stats *stats = device->stats;
+	uint32_t enough_ms =
+	    (stats->latest_ms * 3 / 2 + TIME_OUT_STEP_MS - 1) / TIME_OUT_STEP_MS * TIME_OUT_STEP_MS;
+
+	if (stats->too_late < LATE_ANSWERS || enough_ms <= device->config->response_timeout_ms)
+		return;
+	if (enough_ms > TIME_OUT_MAX_MS)
+		enough_ms = TIME_OUT_MAX_MS;
+	json_object_set_new(device->keys, "response_timeout_ms", json_integer(enough_ms));
+	remark(device, "response_timeout_ms %u: %u of its answers came later than %u ms, one after %u",
+	       enough_ms, stats->too_late, device->config->response_timeout_ms, stats->latest_ms);
+}
+
 static void judge(struct device *device)
 {
+	judge_time_out(device);
 	judge_pause(device);
 	judge_functions(device);
 	if (device->stats->learned.open > 0) {

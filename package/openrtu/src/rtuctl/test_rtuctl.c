@@ -540,6 +540,23 @@ static void test_suggest_a_pause(void **state)
 	forget();
 }
 
+static void test_suggest_a_time_out(void **state)
+{
+	struct modbus_device_stats *stats = modbus_device_stats(owner, 0);
+
+	(void)state;
+	forget();
+	stats->latest_ms = 1420;
+	stats->too_late = 2;
+	assert_suggested("");
+	stats->too_late = 3;
+	assert_suggested("\"response_timeout_ms\": 2200");
+	assert_contains("response_timeout_ms 2200: 3 of its answers came later than ");
+	stats->latest_ms = 9000;
+	assert_suggested("\"response_timeout_ms\": 10000");
+	stats->latest_ms = stats->too_late = 0;
+}
+
 static void test_suggest_a_write_function(void **state)
 {
 	struct modbus_device_stats *stats = modbus_device_stats(owner, 0);
@@ -928,6 +945,7 @@ int main(int argc, char **argv)
 	    cmocka_unit_test(test_suggest_a_reaction),
 	    cmocka_unit_test(test_suggest_a_pause),
 	    cmocka_unit_test(test_suggest_what_a_connection_needs),
+	    cmocka_unit_test(test_suggest_a_time_out),
 	    cmocka_unit_test(test_suggest_a_write_function),
 	    cmocka_unit_test(test_suggest_no_holes),
 	    cmocka_unit_test(test_suggest_nothing_unsound),

@@ -51,6 +51,8 @@ static void show_device(struct modbus_device_stats *stats, struct modbus_device 
 	show(&stats->latency_us, device->counters.latency_us);
 	show(&stats->planned_requests, device->read_count);
 	show(&stats->missed_periods, device->counters.missed_periods);
+	show(&stats->too_late, device->counters.too_late);
+	show(&stats->latest_ms, (uint32_t)((device->latest_ns + NS_PER_MS - 1) / NS_PER_MS));
 	show(&stats->writes_coils, device->writes.coils);
 	show(&stats->writes_registers, device->writes.registers);
 	show(&stats->pause_us, (uint32_t)(modbus_pause_learned_ns(&device->pause) / NS_PER_US));
