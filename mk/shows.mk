@@ -44,6 +44,7 @@ bench: build .compared qemu uboot build/root/gateway-tls.done build/net-snmp-age
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/bench.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/stations.py $(if $(LIB60870),--lib60870 '$(LIB60870)')
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/lines.py
+	PYTHONPATH=scripts $(PYTHON) $(BENCH)/moods.py
 	$(MAKE) bench-polls
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/store.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/history.py

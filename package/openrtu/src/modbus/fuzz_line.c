@@ -127,6 +127,19 @@ static bool is_whole(const struct modbus_output *output)
 	return modbus_crc_valid(output->frame, output->length);
 }
 
+static void take_output(const struct modbus_output *output)
+{
+	if (output->length == 0)
+		return;
+	CHECK(output->length <= MODBUS_FRAME_MAX && is_whole(output));
+	request_length = output->length - prefix_length();
+	memcpy(request, output->frame + prefix_length(), request_length);
+	memcpy(transaction, output->frame, sizeof(transaction));
+	if (!modbus_is_read(request[1]))
+		CHECK(++written <= ordered + turned);
+}
+
+/* A connection that is given up is there again at once. */
 static void poll_line(void)
 {
 	struct modbus_output output = modbus_line_poll(&line, now);
@@ -135,15 +148,10 @@ static void poll_line(void)
 	if (output.reconnect) {
 		CHECK(line.wire.tcp && output.length == 0);
 		modbus_line_connected(&line, now);
+		output = modbus_line_poll(&line, now);
+		CHECK(!output.reconnect && output.deadline_ns > now);
 	}
-	if (output.length == 0)
-		return;
-	CHECK(output.length <= MODBUS_FRAME_MAX && is_whole(&output));
-	request_length = output.length - prefix_length();
-	memcpy(request, output.frame + prefix_length(), request_length);
-	memcpy(transaction, output.frame, sizeof(transaction));
-	if (!modbus_is_read(request[1]))
-		CHECK(++written <= ordered + turned);
+	take_output(&output);
 }
 
 static void lose_port(void)
