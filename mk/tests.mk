@@ -109,5 +109,8 @@ TIMES := 20
 busy: $(VENV) ## Test: the shows and test-quick beside busy processes (BUSY=8, TIMES=20, TARGETS=)
 	$(PYTHON) tests/busy.py --processes $(BUSY) --times $(TIMES) $(TARGETS)
 
+plant: build $(VENV) ## Test: gateways under virtual time, with faults (SEEDS=20, HOURS=0.1, SEED=)
+	@$(PYTHON) tests/plant/plant_run.py $(if $(SEEDS),--seeds $(SEEDS)) $(if $(HOURS),--hours $(HOURS)) $(if $(SEED),--seed $(SEED))
+
 soak: build qemu uboot linux linux-debug image-debian build/swupdate/done build/curl/done $(TESTED) ## Test: hours: 1000 kills of each module, 500 boots, 200 netboots, 2000 power cuts
 	$(PYTHON) -m pytest -m soak

@@ -74,6 +74,14 @@ check_signer() {
 		refuse "SITE=$SITE has no update.pem: its boards take no updates; docs/update.md says how to make one"
 }
 
+check_plant() {
+	local name
+	for name in SEED SEEDS; do
+		[[ -z ${!name:-} || ${!name} =~ ^[1-9][0-9]{0,8}$ ]] || refuse "$name=${!name} is not a number from 1"
+	done
+	[[ -z ${HOURS:-} || $HOURS =~ ^[0-9]{1,4}(\.[0-9]{1,4})?$ ]] || refuse "HOURS=$HOURS is not a number of hours, such as HOURS=0.5"
+}
+
 # What is made for the gateway board alone.
 check_gateway() {
 	[[ ${BOARD:-gateway} == gateway ]] ||
@@ -109,6 +117,7 @@ for goal; do
 		;;
 	dtb) check_device_tree ;;
 	fuzz) [[ $FUZZ_SECONDS =~ ^[1-9][0-9]{0,5}$ ]] || refuse "FUZZ_SECONDS=$FUZZ_SECONDS is not a number of seconds" ;;
+	plant) check_plant ;;
 	bench) [[ -z ${LIB60870:-} || -d $LIB60870 ]] || refuse "LIB60870=$LIB60870 is not a folder; name the one with lib60870's source" ;;
 	esac
 done

@@ -1,20 +1,26 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The plant under a clock of its own (docs/plant.md): one seed is one trace, whatever else the host does."""
 
+import json
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
 import plant_world
 from lab.gateway import remove, run_directory
-from plant_world import Run, calm
+from plant_judge import judge
+from plant_run import story
+from plant_world import BUILD, Fault, Run, World, calm, troubled
 
 SECONDS = 60.0
-BUSY = 6
+TROUBLED_S = 300.0
+SHORT_S = 140.0  # ten faults of all kinds, and time to recover
+BUSY = 4
 
 
 @pytest.fixture(scope="module")
@@ -24,10 +30,14 @@ def folder() -> Iterator[Path]:
     remove(directory)
 
 
-def run(seed: int, folder: Path, seconds: float = SECONDS) -> Run:
-    ran = plant_world.run(calm(seed, seconds), folder)
+def run_world(world: World, folder: Path) -> Run:
+    ran = plant_world.run(world, folder)
     assert (ran.code, ran.said) == (0, "")
     return ran
+
+
+def run(seed: int, folder: Path) -> Run:
+    return run_world(calm(seed, SECONDS), folder)
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +59,7 @@ def test_one_seed_one_trace(first: Run, folder: Path) -> None:
     assert run(1, folder / "second").trace == first.trace
 
 
+@pytest.mark.slow
 def test_one_seed_one_trace_beside_busy_processes(first: Run, folder: Path) -> None:
     with busy_processes(BUSY):
         assert run(1, folder / "busy").trace == first.trace
@@ -74,3 +85,159 @@ def test_the_trace_is_in_the_order_of_its_time(first: Run) -> None:
     assert times[-1] > SECONDS
     names = {line.split(b" ")[1] for line in first.trace.splitlines()}
     assert {b"linesim#1", b"rtud#1", b"rtu-modbus-1#1", b"rtu-iec104#1", b"rtu-centre#1"} <= names
+
+
+@pytest.mark.slow
+def test_a_world_with_faults_is_one_trace(programs: Path, linesim_program: Path, folder: Path) -> None:
+    world = troubled(5, SHORT_S, fault_every_s=5.0)
+    assert {fault.kind for fault in world.faults} == {"kill", "stop", "silent", "cut"}
+    first = run_world(world, folder / "troubled")
+    with busy_processes(BUSY):
+        assert run_world(world, folder / "troubled-busy").trace == first.trace
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [2, 3, 7, 8])
+def test_what_must_hold_in_a_world_with_faults(
+    programs: Path, linesim_program: Path, folder: Path, seed: int
+) -> None:
+    ran = run_world(troubled(seed, TROUBLED_S, fault_every_s=8.0), folder / f"seed-{seed}")
+    violations = judge(ran)
+    assert not violations, story(ran, violations)
+
+
+def test_what_must_hold_in_a_calm_world(first: Run) -> None:
+    assert judge(first) == []
+
+
+# ---- the faults do what they say ----------------------------------------------------------------------
+
+
+def lines_of(ran: Run, *words: bytes) -> list[bytes]:
+    return [line for line in ran.trace.splitlines() if all(word in line for word in words)]
+
+
+def faulty(folder: Path, *faults: Fault) -> Run:
+    world = World(1, SECONDS, (), faults)
+    return run_world(world, folder / "-".join(f"{fault.kind}-{fault.of}" for fault in faults))
+
+
+def test_a_module_is_killed_and_begins_again(programs: Path, linesim_program: Path, folder: Path) -> None:
+    ran = faulty(folder, Fault(10.0, "kill", "rtu-iec104", calls=3))
+    assert len(lines_of(ran, b"rtu-iec104#1 is killed")) == 1
+    assert len(lines_of(ran, b"rtu-iec104#2 begins")) == 1
+
+
+def test_a_module_that_stops_does_nothing_meanwhile(
+    programs: Path, linesim_program: Path, folder: Path
+) -> None:
+    ran = faulty(folder, Fault(10.0, "stop", "rtu-modbus-1", calls=5, for_s=1.0))
+    times = [float(line.split()[0]) for line in lines_of(ran, b" rtu-modbus-1#1 ")]
+    assert max(after - before for before, after in pairwise(times)) == pytest.approx(1.0)
+
+
+def test_with_rtud_its_modules_are_killed(programs: Path, linesim_program: Path, folder: Path) -> None:
+    ran = faulty(folder, Fault(10.0, "kill", "rtud"))
+    assert len(lines_of(ran, b"rtud#2 begins")) == 1
+    assert len(lines_of(ran, b"rtu-iec104#2 begins")) == 1
+    killed_s = float(lines_of(ran, b"rtud#1 is killed")[0].split()[0])
+    assert max(float(line.split()[0]) for line in lines_of(ran, b" rtu-modbus-1#1 ")) <= killed_s
+
+
+def test_nothing_comes_through_a_cut(programs: Path, linesim_program: Path, folder: Path) -> None:
+    ran = faulty(folder, Fault(10.0, "cut", f"{plant_world.PORT}", for_s=5.0))
+    at_s = [told["at"] / 1e9 - 1000 for told in ran.told("consumer")]
+    assert not [time for time in at_s if 10.0 < time < 15.0]
+    assert [time for time in at_s if time > 15.0]
+
+
+def test_points_of_a_silent_device_are_invalid(programs: Path, linesim_program: Path, folder: Path) -> None:
+    ran = faulty(folder, Fault(10.0, "silent", "1.2", for_s=10.0))
+    bad = {told["point"] for told in ran.told("consumer") if told.get("quality") and told["at"] > 1010e9}
+    assert bad == {"1002.10001", "1002.30001", "1002.30002"}
+
+
+# ---- the judge sees what is wrong ----------------------------------------------------------------------
+
+Lines = list[dict[str, object]]
+
+
+def value_events(lines: Lines) -> list[int]:
+    """Where the events of registers are."""
+    return [place for place, line in enumerate(lines) if line.get("type") == 35 and line["quality"] == 0]
+
+
+def with_another_value(lines: Lines) -> None:
+    lines[value_events(lines)[3]]["value"] = 31999
+
+
+def without_one(lines: Lines) -> None:
+    """Of a value that was held for long: the judge knows which."""
+    for place in reversed(value_events(lines)):
+        del lines[place]
+
+
+def with_one_twice(lines: Lines) -> None:
+    place = value_events(lines)[3]
+    lines.insert(place, dict(lines[place]))
+
+
+def with_an_old_one_behind(lines: Lines) -> None:
+    events = value_events(lines)
+    point = lines[events[-1]]["point"]
+    old = next(lines[place] for place in events if lines[place]["point"] == point)
+    lines.append(old | {"at": lines[-1]["at"]})
+
+
+def with_an_end_that_is_bad(lines: Lines) -> None:
+    lines.append(lines[value_events(lines)[-1]] | {"quality": 128})
+
+
+@pytest.mark.parametrize(
+    ("spoil", "rule"),
+    [
+        (with_another_value, "true"),
+        (without_one, "no event lost"),
+        (with_one_twice, "once"),
+        (with_an_old_one_behind, "order"),
+        (with_an_end_that_is_bad, "recovery"),
+    ],
+)
+def test_the_judge_sees(first: Run, tmp_path: Path, spoil: Callable[[Lines], None], rule: str) -> None:
+    lines = first.told("consumer")
+    spoil(lines)
+    (tmp_path / "consumer.out").write_text("".join(json.dumps(line) + "\n" for line in lines))
+    spoiled = Run(first.world, tmp_path, first.real_s, first.code, first.said)
+    assert rule in {violation.rule for violation in judge(spoiled)}
+
+
+# ---- the runner ----------------------------------------------------------------------------------------
+
+
+def run_alone(tmp_path: Path, world: str) -> "subprocess.CompletedProcess[str]":
+    (tmp_path / "world").write_text(world)
+    command = [BUILD / "plant", "--seed", "1", "--trace", tmp_path / "trace", tmp_path / "world"]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_a_crash_is_told(programs: Path, tmp_path: Path) -> None:
+    words = [sys.executable, "-I", "-S", "-c", "import os; os.abort()"]
+    start = ["start", "wild", "0", f"{tmp_path}/out", f"{tmp_path}/log", *words]
+    result = run_alone(tmp_path, "end\t5\n" + "\t".join(start) + "\n")
+    assert (result.returncode, result.stderr) == (1, "plant: wild crashes\n")
+    assert b"wild#1 crashes" in (tmp_path / "trace").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("world", "said"),
+    [
+        ("end\tsoon\n", "soon: expected a time in seconds"),
+        ("end\t5\n", "expected an end and a process"),
+        ("begin\t5\n", "begin: unknown word"),
+        ("end\t5\nstart\tx\t0\n", "start: expected a name, a time, two files and a program"),
+        ("kill\trtud\t1\n", "expected a number"),
+    ],
+)
+def test_a_world_that_is_none(programs: Path, tmp_path: Path, world: str, said: str) -> None:
+    result = run_alone(tmp_path, world)
+    assert (result.returncode, said in result.stderr) == (2, True), result.stderr

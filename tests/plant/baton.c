@@ -143,32 +143,46 @@ void plant_await_the_dying(struct plant *plant)
 
 /* ---- faults ------------------------------------------------------------------------------ */
 
+static bool is_over(const struct plant *plant, const struct plant_fault *fault)
+{
+	return fault->done || fault->to_ns <= plant->now_ns;
+}
+
 bool plant_is_cut(const struct plant *plant, uint16_t port)
 {
-	for (uint32_t i = 0; i < plant->fault_count; i++) {
+	for (uint32_t i = plant->fault_first; i < plant->fault_count; i++) {
 		const struct plant_fault *fault = &plant->faults[i];
 
-		if (fault->kind == PLANT_CUT && fault->port == port && fault->from_ns <= plant->now_ns &&
-		    plant->now_ns < fault->to_ns)
+		if (fault->from_ns > plant->now_ns)
+			break;
+		if (fault->kind == PLANT_CUT && fault->port == port && !is_over(plant, fault))
 			return true;
 	}
 	return false;
+}
+
+/* From its time on, the calls of whoever has that name count; those of its next life anew. */
+static bool is_due(struct plant_fault *fault, const struct plant_process *caller)
+{
+	if (!fault->counts || fault->first_call > caller->calls)
+		fault->first_call = caller->calls;
+	fault->counts = true;
+	return caller->calls - fault->first_call >= fault->calls;
 }
 
 const struct plant_fault *plant_fault_at(struct plant *plant, uint32_t process)
 {
 	const struct plant_process *caller = &plant->processes[process];
 
-	for (uint32_t i = 0; i < plant->fault_count; i++) {
+	while (plant->fault_first < plant->fault_count && is_over(plant, &plant->faults[plant->fault_first]))
+		plant->fault_first++;
+	for (uint32_t i = plant->fault_first; i < plant->fault_count; i++) {
 		struct plant_fault *fault = &plant->faults[i];
 
-		if (fault->kind == PLANT_CUT || fault->done || fault->from_ns > plant->now_ns ||
-		    strcmp(fault->name, caller->name) != 0)
-			continue;
-		if (!fault->counts || fault->first_call > caller->calls)
-			fault->first_call = caller->calls;
-		fault->counts = true;
-		if (caller->calls - fault->first_call < fault->calls)
+		if (fault->from_ns > plant->now_ns)
+			break;
+		if (fault->kind == PLANT_CUT || is_over(plant, fault) ||
+		    strcmp(fault->name, caller->name) != 0 || !is_due(fault, caller))
 			continue;
 		fault->done = true;
 		return fault;
@@ -187,15 +201,17 @@ static int64_t next_cut_ns(const struct plant *plant)
 {
 	int64_t next_ns = PLANT_NEVER;
 
-	for (uint32_t i = 0; i < plant->fault_count; i++) {
+	for (uint32_t i = plant->fault_first; i < plant->fault_count; i++) {
 		const struct plant_fault *fault = &plant->faults[i];
 
 		if (fault->kind != PLANT_CUT)
 			continue;
-		if (fault->from_ns > plant->now_ns)
-			take_earlier(&next_ns, fault->from_ns);
 		if (fault->to_ns > plant->now_ns)
 			take_earlier(&next_ns, fault->to_ns);
+		if (fault->from_ns > plant->now_ns) {
+			take_earlier(&next_ns, fault->from_ns);
+			break;
+		}
 	}
 	return next_ns;
 }
@@ -263,6 +279,8 @@ void plant_take(struct plant *plant, uint32_t self)
 
 void plant_pass(struct plant *plant, uint32_t self)
 {
+	/* Looked at now: who has the baton next may bury this one before it runs again. */
+	const bool takes_again = self != PLANT_RUNNER && plant->processes[self].alive;
 	uint32_t next = plant->now_ns < plant->end_ns ? choose(plant) : PLANT_RUNNER;
 
 	while (next == PLANT_RUNNER && move_clock(plant))
@@ -279,6 +297,6 @@ void plant_pass(struct plant *plant, uint32_t self)
 		atomic_store(&plant->processes[next].has_baton, 1);
 		plant_futex_wake(&plant->processes[next].has_baton);
 	}
-	if (self != PLANT_RUNNER && plant->processes[self].alive)
+	if (takes_again)
 		plant_take(plant, self);
 }

@@ -89,14 +89,19 @@ void client_leave(const char *how)
 
 static void suffer(const struct plant_fault *fault)
 {
+	sigset_t all, own;
+
 	if (fault->kind == PLANT_KILL) {
 		client_leave("is killed");
 		real_syscall(SYS_kill, getpid(), SIGKILL, 0, 0, 0, 0);
 	}
-	client_tell("stops for %lld ns", (long long)fault->to_ns);
-	plant->processes[client_self].stopped_ns = plant->now_ns + fault->to_ns;
+	sigfillset(&all); /* who is stopped handles no signal */
+	sigprocmask(SIG_BLOCK, &all, &own);
+	client_tell("stops for %lld ns", (long long)fault->for_ns);
+	plant->processes[client_self].stopped_ns = plant->now_ns + fault->for_ns;
 	plant_pass(plant, client_self);
 	client_tell("goes on");
+	sigprocmask(SIG_SETMASK, &own, NULL);
 }
 
 void client_spin(void)

@@ -24,25 +24,27 @@
 #define LOOK_NS  (PLANT_NS / 5)
 #define STUCK_S                                                                                              \
 	300 /* of the host, without a turn: whoever has the baton waits for what is not in the plant */
-#define LINE_SIZE 4096
-#define WORDS_MAX 64
+#define CALL_WITHIN_NS (10 * PLANT_NS)
+#define LINE_SIZE      4096
+#define WORDS_MAX      64
 
 enum exit_code { DONE, FAILED, WRONG_USAGE };
 
-static const char help[] = "usage: plant --seed N --trace FILE WORLD\n"
-			   "\n"
-			   "Runs the processes of the file WORLD under one clock of their own, one at a "
-			   "time. Its lines are words with\n"
-			   "tabs between them; times are in seconds of the plant:\n"
-			   "\n"
-			   "  end      TIME\n"
-			   "  start    NAME TIME STDOUT STDERR PROGRAM [ARGUMENT]...\n"
-			   "  kill     NAME TIME CALLS          at its call number CALLS from TIME on\n"
-			   "  stop     NAME TIME CALLS FOR      it does not run for that long\n"
-			   "  cut      PORT TIME TO             no octet passes the TCP port\n"
-			   "\n"
-			   "Exit codes: 0 the end came, 1 a process ended by a fault of its own, or all are "
-			   "stuck, 2 wrong usage or file.\n";
+static const char help[] =
+    "usage: plant --seed N --trace FILE WORLD\n"
+    "\n"
+    "Runs the processes of the file WORLD under one clock of their own, one at a "
+    "time. Its lines are words with\n"
+    "tabs between them; times are in seconds of the plant:\n"
+    "\n"
+    "  end      TIME\n"
+    "  start    NAME TIME STDOUT STDERR PROGRAM [ARGUMENT]...\n"
+    "  kill     NAME TIME CALLS          at its call number CALLS from TIME on, if it makes it within 10 s\n"
+    "  stop     NAME TIME CALLS FOR      it does not run for that long\n"
+    "  cut      PORT TIME TO             no octet passes the TCP port\n"
+    "\n"
+    "Exit codes: 0 the end came, 1 a process ended by a fault of its own, or all are "
+    "stuck, 2 wrong usage or file.\n";
 
 struct start {
 	char *words[WORDS_MAX];
@@ -107,10 +109,19 @@ static void add_fault(enum plant_fault_kind kind, char *words[], size_t count)
 	} else {
 		snprintf(fault->name, sizeof(fault->name), "%s", words[1]);
 		fault->calls = number_of(words[3]);
+		fault->to_ns = fault->from_ns + CALL_WITHIN_NS;
 	}
 	if (kind == PLANT_STOP)
-		fault->to_ns = ns_of(count > 4 ? words[4] : NULL);
+		fault->for_ns = ns_of(count > 4 ? words[4] : NULL);
 	plant->fault_count++;
+}
+
+static int by_time(const void *one, const void *other)
+{
+	const int64_t from_ns = ((const struct plant_fault *)one)->from_ns;
+	const int64_t other_ns = ((const struct plant_fault *)other)->from_ns;
+
+	return (from_ns > other_ns) - (from_ns < other_ns);
 }
 
 static void take_line(char *line)
@@ -145,6 +156,7 @@ static void read_world(const char *path)
 	while (fgets(line, sizeof(line), file))
 		take_line(line);
 	fclose(file);
+	qsort(plant->faults, plant->fault_count, sizeof(plant->faults[0]), by_time);
 	if (plant->end_ns <= BEGIN_NS || plant->process_count == 0)
 		give_up(WRONG_USAGE, path, "expected an end and a process");
 }
@@ -273,6 +285,7 @@ static bool take_from_crashed(void)
 
 	if (!holder_crashed())
 		return false;
+	fprintf(stderr, "plant: %s crashes\n", plant->processes[holder].name);
 	plant_tell(plant, holder, "crashes");
 	plant_bury(plant, holder);
 	plant_pass(plant, PLANT_RUNNER);

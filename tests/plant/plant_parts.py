@@ -4,7 +4,9 @@
 They run in the plant, under its clock, and import nothing but the standard library.
 """
 
+import contextlib
 import json
+import os
 import socket
 import struct
 import sys
@@ -19,6 +21,7 @@ TAGGED, LAST_OCTET = 4, 36
 ACKNOWLEDGE = struct.Struct("<BBHIQ16x")
 PACKET_MAX = 65536
 PAUSE_S = 0.1
+RESTART_S = 1.0
 
 
 def say(**fields: object) -> None:
@@ -58,17 +61,20 @@ def tell_record(record: bytes) -> None:
     )
 
 
+def take_packets(centre: socket.socket) -> None:
+    while packet := centre.recv(PACKET_MAX):
+        _, _, count, sequence = HEADER.unpack_from(packet)
+        for place in range(HEADER.size, HEADER.size + count * RECORD_SIZE, RECORD_SIZE):
+            tell_record(packet[place : place + RECORD_SIZE])
+        centre.send(ACKNOWLEDGE.pack(1, 0, 0, 0, sequence))
+
+
 def consume(path: Path) -> None:
     """Takes and acknowledges what rtu-centre says, as often as there is one."""
     while True:
-        centre = connected(socket.SOCK_SEQPACKET, path)
-        while packet := centre.recv(PACKET_MAX):
-            _, _, count, sequence = HEADER.unpack_from(packet)
-            for place in range(HEADER.size, HEADER.size + count * RECORD_SIZE, RECORD_SIZE):
-                tell_record(packet[place : place + RECORD_SIZE])
-            centre.send(ACKNOWLEDGE.pack(1, 0, 0, 0, sequence))
+        with connected(socket.SOCK_SEQPACKET, path) as centre, contextlib.suppress(ConnectionError):
+            take_packets(centre)
         say(kind="centre is gone")
-        centre.close()
 
 
 def change(path: Path, script: Path) -> None:
@@ -82,8 +88,21 @@ def change(path: Path, script: Path) -> None:
             say(command=command, answer=answers.readline().strip())
 
 
+def keep(program: str, *arguments: str) -> None:
+    """What the init system of a machine does: starts a program again when it has ended."""
+    while True:
+        pid = os.fork()
+        if pid == 0:
+            os.execve(program, [program, *arguments], os.environ)
+        os.waitpid(pid, 0)
+        time.sleep(RESTART_S)
+
+
 if __name__ == "__main__":
-    if sys.argv[1] == "consume":
-        consume(Path(sys.argv[2]))
-    else:
-        change(Path(sys.argv[2]), Path(sys.argv[3]))
+    match sys.argv[1:]:
+        case ["consume", path]:
+            consume(Path(path))
+        case ["change", path, script]:
+            change(Path(path), Path(script))
+        case ["keep", *words]:
+            keep(*words)

@@ -9,8 +9,10 @@ import random
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +27,12 @@ LINES = 2
 DEVICES = 3  # of a line
 POINTS = 2  # of a device, beside its bit
 CHANGES_FROM_S = 5.0
+FAULTS_FROM_S = 10.0
+RECOVERY_S = 60.0  # without a fault, before the end
+SETTLED_S = 10.0  # without a change, before the end
+MODULES = ("rtu-modbus-1", "rtu-iec104", "rtud", "rtu-centre")
+CALLS_MAX = 200
+LONGEST_S = {"stop": 20.0, "silent": 20.0, "cut": 40.0}
 
 
 class PlantError(Exception):
@@ -110,20 +118,23 @@ class World:
         for fault in self.faults:
             if fault.kind == "silent":
                 told += [(fault.at_s, f"fault {fault.of} mute"), (fault.end_s, f"fault {fault.of} clear")]
-        return [f"{BEGIN_NS + round(at_s * 1e9)} {command}" for at_s, command in sorted(told)]
+        return [
+            f"{BEGIN_NS + round(at_s * 1e9)} {command}" for at_s, command in sorted(told, key=itemgetter(0))
+        ]
 
     def plan(self, folder: Path) -> list[str]:
         """What the runner reads."""
         python = [str(Path(sys.executable).resolve()), "-I", "-S", "-B", str(PARTS)]
         dev, consumer = folder / "dev", folder / "consumer"
         rtud = [f"{GATEWAY}/rtud/rtud", "--uid-base", "0", "--map", f"{folder}/map", "--dev", f"{dev}"]
+        centre = [f"{GATEWAY}/centre/rtu-centre", "--socket", f"{consumer}", f"{folder}/centre.json"]
         programs: dict[str, tuple[float, list[str]]] = {
             "linesim": (0.0, [f"{LINESIM}", "--config", f"{folder}/gateway.json", "--dir", f"{dev}"]),
-            "rtud": (0.5, [*rtud, "--modules", f"{GATEWAY}/modules", f"{folder}/gateway.json"]),
-            "rtu-centre": (
-                1.0,
-                [f"{GATEWAY}/centre/rtu-centre", "--socket", f"{consumer}", f"{folder}/centre.json"],
+            "gateway": (
+                0.5,
+                [*python, "keep", *rtud, "--modules", f"{GATEWAY}/modules", f"{folder}/gateway.json"],
             ),
+            "centre": (1.0, [*python, "keep", *centre]),
             "consumer": (1.5, [*python, "consume", f"{consumer}"]),
             "field": (1.5, [*python, "change", f"{dev}/control", f"{folder}/script"]),
         }
@@ -165,14 +176,15 @@ class Run:
         return self.world.seconds / self.real_s
 
 
-def run(world: World, folder: Path) -> Run:
-    """Raises PlantError."""
+def run(world: World, folder: Path, *, traced: bool = True) -> Run:
+    """Raises PlantError. A trace of a day is long: two GB."""
     (folder / "dev").mkdir(parents=True)
     (folder / "gateway.json").write_text(json.dumps(world.gateway))
     (folder / "centre.json").write_text(json.dumps(world.centre))
     (folder / "script").write_text("\n".join(world.script) + "\n")
     (folder / "world").write_text("\n".join(world.plan(folder)) + "\n")
-    command = [BUILD / "plant", "--seed", str(world.seed), "--trace", folder / "trace", folder / "world"]
+    command = [BUILD / "plant", "--seed", str(world.seed), "--trace"]
+    command += [folder / "trace" if traced else "/dev/null", folder / "world"]
     begun = time.monotonic()
     try:
         result = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -192,22 +204,51 @@ class Field:
     next_value: int = 1
     bits: dict[str, int] = field(default_factory=dict)
 
+    def device(self) -> str:
+        return f"{self.random.randrange(LINES) + 1}.{self.random.randrange(DEVICES) + 1}"
+
     def change(self, at_s: float) -> Change:
-        device = f"{self.random.randrange(LINES) + 1}.{self.random.randrange(DEVICES) + 1}"
+        device = self.device()
         if self.random.random() < 0.2:
             self.bits[device] = 1 - self.bits.get(device, 0)
             return Change(at_s, device, "discrete_inputs", 0, self.bits[device])
         self.next_value = self.next_value % 32000 + 1
         return Change(at_s, device, "input_registers", self.random.randrange(POINTS), self.next_value)
 
+    def times(self, from_s: float, to_s: float, mean_s: float) -> Iterator[float]:
+        at_s = from_s
+        while (at_s := at_s + self.random.expovariate(1 / mean_s)) < to_s:
+            yield round(at_s, 3)
+
     def changes(self, mean_s: float) -> tuple[Change, ...]:
-        made = []
-        at_s = CHANGES_FROM_S
-        while (at_s := at_s + self.random.expovariate(1 / mean_s)) < self.seconds:
-            made.append(self.change(round(at_s, 3)))
-        return tuple(made)
+        end_s = self.seconds - SETTLED_S
+        return tuple(self.change(at_s) for at_s in self.times(CHANGES_FROM_S, end_s, mean_s))
+
+    def fault(self, at_s: float) -> Fault:
+        kind = self.random.choice(("kill", "stop", "silent", "cut"))
+        for_s = round(LONGEST_S[kind] * self.random.random() ** 3, 3) if kind != "kill" else 0.0
+        calls = self.random.randrange(CALLS_MAX)
+        match kind:
+            case "silent":
+                return Fault(at_s, kind, self.device(), for_s=for_s)
+            case "cut":
+                return Fault(at_s, kind, f"{PORT}", for_s=for_s)
+            case _:
+                return Fault(at_s, kind, self.random.choice(MODULES), calls, for_s)
+
+    def faults(self, mean_s: float) -> tuple[Fault, ...]:
+        end_s = self.seconds - RECOVERY_S
+        made = (self.fault(at_s) for at_s in self.times(FAULTS_FROM_S, end_s, mean_s))
+        return tuple(fault for fault in made if fault.end_s < end_s)
 
 
-def calm(seed: int, seconds: float, change_every_s: float = 1.0) -> World:
+def calm(seed: int, seconds: float) -> World:
     """Nothing fails."""
-    return World(seed, seconds, Field(random.Random(seed), seconds).changes(change_every_s))
+    return World(seed, seconds, Field(random.Random(seed), seconds).changes(mean_s=1.0))
+
+
+def troubled(seed: int, seconds: float, fault_every_s: float = 30.0) -> World:
+    """Modules die and stop, devices are silent, the link to the centre is cut."""
+    of_seed = Field(random.Random(seed), seconds)
+    changes = of_seed.changes(mean_s=1.0)
+    return World(seed, seconds, changes, of_seed.faults(fault_every_s))

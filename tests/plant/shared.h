@@ -9,7 +9,7 @@
 #include <stdint.h>
 
 #define PLANT_PROCESSES 64
-#define PLANT_FAULTS    64
+#define PLANT_FAULTS    4096
 #define PLANT_NAMES     64
 #define PLANT_DYING     PLANT_PROCESSES
 #define PLANT_NAME_SIZE 24
@@ -40,7 +40,10 @@ struct plant_process {
 
 enum plant_fault_kind { PLANT_KILL, PLANT_STOP, PLANT_CUT };
 
-/* From from_ns on: a process dies or stops at its call number calls; or no octet passes a TCP port until to_ns. */
+/*
+ * From from_ns on: a process dies, or stops for for_ns, at its call number calls, if it makes it before to_ns; or no octet passes a
+ * TCP port until to_ns.
+ */
 struct plant_fault {
 	enum plant_fault_kind kind;
 	bool done;
@@ -50,7 +53,8 @@ struct plant_fault {
 	uint64_t calls;
 	uint64_t first_call;
 	int64_t from_ns;
-	int64_t to_ns; /* of PLANT_STOP: how long */
+	int64_t to_ns;
+	int64_t for_ns;
 };
 
 struct plant_name {
@@ -74,6 +78,7 @@ struct plant {
 	uint32_t process_count;
 	struct plant_process processes[PLANT_PROCESSES];
 	uint32_t fault_count;
+	uint32_t fault_first; /* those before it, by time, are over */
 	struct plant_fault faults[PLANT_FAULTS];
 	struct plant_name names[PLANT_NAMES];
 	uint32_t dying_count;

@@ -83,10 +83,45 @@ struct asked {
 	int found;
 };
 
-static short found_at(struct pollfd *fd)
+static short found_at(const struct pollfd *fd);
+
+static short events_of(const struct watched *one)
+{
+	const bool told =
+	    one->event.events & EPOLLET && timer_is(one->fd) && one->told_arming == timer_armings(one->fd);
+
+	return (short)(told ? 0 : one->event.events & 0xffff);
+}
+
+/* An epoll may be watched itself. The kernel's knows nothing of timers and cuts. */
+static bool is_epoll(int fd)
+{
+	for (size_t i = 0; i < watched_count; i++)
+		if (watched[i].epoll == fd)
+			return true;
+	return false;
+}
+
+static bool epoll_is_ready(int epoll)
+{
+	for (size_t i = 0; i < watched_count; i++) {
+		struct pollfd member = {.fd = watched[i].fd, .events = events_of(&watched[i])};
+
+		if (watched[i].epoll != epoll || watched[i].told_once)
+			continue;
+		real.poll(&member, 1, 0);
+		if (found_at(&member))
+			return true;
+	}
+	return false;
+}
+
+static short found_at(const struct pollfd *fd)
 {
 	if (timer_is(fd->fd))
 		return (short)(timer_is_due(fd->fd) ? fd->events & POLLIN : 0);
+	if (is_epoll(fd->fd))
+		return (short)(epoll_is_ready(fd->fd) ? fd->events & POLLIN : 0);
 	return network_events(fd->fd, fd->events, fd->revents);
 }
 
@@ -273,14 +308,6 @@ int epoll_ctl(int epoll, int operation, int fd, struct epoll_event *event)
 	else if (operation == EPOLL_CTL_DEL && found)
 		drop_watched(found);
 	return 0;
-}
-
-static short events_of(const struct watched *one)
-{
-	const bool told =
-	    one->event.events & EPOLLET && timer_is(one->fd) && one->told_arming == timer_armings(one->fd);
-
-	return (short)(told ? 0 : one->event.events & 0xffff);
 }
 
 int epoll_pwait(int epoll, struct epoll_event *events, int most, int timeout, const sigset_t *mask)

@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What must hold in each world, seen from outside: docs/plant.md has a sentence for each."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from plant_world import BEGIN_NS, DEVICES, LINES, POINTS, RECOVERY_S, SETTLED_S, Fault, Run
+
+WALL_NS = 1767225600 * 10**9  # main.c
+S = 10**9
+AGE_S = 3.0
+HELD_S = 5.0
+AFTER_S = 15.0  # what is behind a fault may still be its consequence
+JOURNAL_S = 90.0  # what waits in a gateway without a journal, and is lost with rtud
+SPONTANEOUS = 3
+END_OF_INITIALIZATION = 70  # M_EI_NA_1
+LINK_UP = 3
+
+
+@dataclass(frozen=True)
+class Violation:
+    """Something that must not be; `rule` names what docs/plant.md says."""
+
+    rule: str
+    at_s: float
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.at_s:.3f} s: {self.rule}: {self.text}"
+
+
+@dataclass(frozen=True)
+class Told:
+    """A value that came to the consumer."""
+
+    at_s: float
+    point: str
+    value: int
+    good: bool
+    tag_s: float | None
+    cause: int
+    session: int  # counts the connections of the station over all lives of the centre
+
+
+def seconds(time_ns: int) -> float:
+    return (time_ns - BEGIN_NS) / S
+
+
+class History:
+    """What the devices held, and what the centre was told."""
+
+    def __init__(self, run: Run) -> None:
+        self.run = run
+        self.faults = run.world.faults
+        self.end_s = run.world.seconds
+
+    @cached_property
+    def held(self) -> dict[str, list[tuple[float, int]]]:
+        """Of each point, from when on it had which value."""
+        held: dict[str, list[tuple[float, int]]] = {
+            f"{line * 1000 + unit}.{ioa}": [(float("-inf"), 0)]
+            for line in range(1, LINES + 1)
+            for unit in range(1, DEVICES + 1)
+            for ioa in (10001, *range(30001, 30001 + POINTS))
+        }
+        for change in self.run.world.changes:
+            held[change.point].append((change.at_s, change.value))
+        return held
+
+    @cached_property
+    def told(self) -> list[Told]:
+        told, session, connection = [], 0, None
+        for line in self.run.told("consumer"):
+            if line["kind"] == "centre is gone" or line.get("state") == LINK_UP:
+                session += 1
+                connection = None
+            if line["kind"] != "value" or line["type"] == END_OF_INITIALIZATION:
+                continue
+            if connection is not None and line["connection"] != connection:
+                session += 1
+            connection = line["connection"]
+            told.append(self._of(line, session))
+        return told
+
+    def _of(self, line: dict[str, Any], session: int) -> Told:
+        tag = line["tag"]
+        return Told(
+            at_s=seconds(line["at"]),
+            point=line["point"],
+            value=line["value"],
+            good=line["quality"] == 0,
+            tag_s=None if tag is None else (tag - WALL_NS) / S,
+            cause=line["cause"],
+            session=session,
+        )
+
+    @cached_property
+    def events(self) -> dict[str, list[Told]]:
+        """With a time tag, of each point, in the order in which they came."""
+        events = defaultdict(list)
+        for told in self.told:
+            if told.tag_s is not None and told.cause == SPONTANEOUS:
+                events[told.point].append(told)
+        return events
+
+    def held_within(self, point: str, value: int, from_s: float, to_s: float) -> bool:
+        held = self.held[point]
+        first = max(0, bisect_right(held, (from_s, -1)) - 1)
+        return any(has == value for since, has in held[first:] if since <= to_s)
+
+    def line_was_gone(self, at_s: float) -> bool:
+        """Its return tells the current values, which may be in events that wait for the centre, too."""
+        return any(fault.of in ("rtu-modbus-1", "rtud") and fault.at_s < at_s for fault in self.faults)
+
+    def delay_s(self, at_s: float) -> float:
+        """What stops and cuts may have held up until then."""
+        return sum(
+            min(fault.for_s, max(0.0, at_s - fault.at_s))
+            for fault in self.faults
+            if fault.kind in ("stop", "cut") and fault.of != "rtu-modbus-1"
+        )
+
+
+def values_are_true(history: History) -> Iterator[Violation]:
+    """Good is what its device held shortly before."""
+    for told in history.told:
+        if not told.good:
+            continue
+        until_s = told.at_s if told.tag_s is None else told.tag_s
+        from_s = until_s - AGE_S - (history.delay_s(told.at_s) if told.tag_s is None else 0.0)
+        if told.point not in history.held:
+            yield Violation("no value of nobody", told.at_s, f"{told.point} is {told.value}")
+        elif not history.held_within(told.point, told.value, from_s, until_s + 0.001):
+            yield Violation(
+                "true", told.at_s, f"{told.point} is told as {told.value}, good, of {until_s:.3f} s"
+            )
+
+
+def is_told_twice(event: Told, before: Told) -> bool:
+    """Within a connection."""
+    what = (event.session, event.tag_s, event.value, event.good)
+    return what == (before.session, before.tag_s, before.value, before.good)
+
+
+def events_are_in_order(history: History) -> Iterator[Violation]:
+    """Within a connection none comes twice, or after a later one; a new connection may repeat."""
+    for point, events in history.events.items():
+        seen: set[tuple[float | None, int]] = set()
+        latest = events[0]
+        for before, event in zip([None, *events[:-1]], events, strict=True):
+            if before and is_told_twice(event, before) and not history.line_was_gone(event.at_s):
+                yield Violation("once", event.at_s, f"{point} of {event.tag_s:.3f} s")
+            goes_back = (event.tag_s or 0) < (latest.tag_s or 0) and event.value != latest.value
+            if goes_back and (event.session == latest.session or (event.tag_s, event.value) not in seen):
+                text = (
+                    f"{point}: {event.value} of {event.tag_s:.3f} s after "
+                    f"{latest.value} of {latest.tag_s:.3f} s"
+                )
+                yield Violation("order", event.at_s, text)
+            seen.add((event.tag_s, event.value))
+            latest = max(latest, event, key=lambda told: told.tag_s or 0)
+
+
+def could_be_lost(point: str, since_s: float, until_s: float, faults: tuple[Fault, ...]) -> bool:
+    """The line was not read meanwhile, or the gateway went with what waited in it."""
+    ca = int(point.split(".")[0])
+    device = f"{ca // 1000}.{ca % 1000}"
+    for fault in faults:
+        reads_not = fault.of in ("rtu-modbus-1", device) or (fault.kind, fault.of) == ("stop", "rtud")
+        if reads_not and since_s - AFTER_S - fault.for_s < fault.at_s < until_s:
+            return True
+        if (fault.kind, fault.of) == ("kill", "rtud") and abs(fault.at_s - since_s) < JOURNAL_S:
+            return True
+    return False
+
+
+def no_event_is_lost(history: History) -> Iterator[Violation]:
+    """What a device held for a while, and the line could read, is told."""
+    told = {(event.point, event.value) for events in history.events.values() for event in events}
+    for point, held in history.held.items():
+        if point.endswith(".10001"):
+            continue  # a bit has but two values
+        ends = [since for since, _ in held[1:]] + [history.end_s]
+        for (since_s, value), until_s in zip(held, ends, strict=True):
+            if until_s - since_s < HELD_S or value == 0 or (point, value) in told:
+                continue
+            if not could_be_lost(point, since_s, since_s + HELD_S, history.faults):
+                text = f"{point} was {value} from {since_s:.3f} to {until_s:.3f} s"
+                yield Violation("no event lost", since_s, text)
+
+
+def all_recovers(history: History) -> Iterator[Violation]:
+    """Some time after the last fault the centre knows each value, and that it is good."""
+    last = {told.point: told for told in history.told}
+    for point, held in history.held.items():
+        told = last.get(point)
+        if told is None or not told.good or told.value != held[-1][1]:
+            seen = "nothing" if told is None else f"{told.value}, {'good' if told.good else 'not good'}"
+            text = f"{point} is {held[-1][1]}, the centre knows {seen}"
+            yield Violation("recovery", history.end_s, text)
+
+
+def nobody_crashes(history: History) -> Iterator[Violation]:
+    if history.run.code != 0:
+        yield Violation("no crash", history.end_s, history.run.said)
+
+
+RULES = (nobody_crashes, values_are_true, events_are_in_order, no_event_is_lost, all_recovers)
+assert SETTLED_S < RECOVERY_S
+
+
+def judge(run: Run) -> list[Violation]:
+    """In the order of time."""
+    history = History(run)
+    return sorted((one for rule in RULES for one in rule(history)), key=lambda one: one.at_s)
