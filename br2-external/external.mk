@@ -22,16 +22,17 @@ BUSYBOX_PERMISSIONS =
 
 endif
 
-# Our ports are source files beside the patches: what uses these patches gets them, into the source and to the sources that
-# legal-info collects. The vendor's kernel has hashes among the patches, and no patch.
+# Our ports are source files beside the patches: what uses these patches gets them, into the source, before each build what has
+# changed, and to the sources that legal-info collects. The vendor's kernel has hashes among the patches, and no patch.
 openrtu_patches := $(filter $(BR2_EXTERNAL_OPENRTU_PATH)/../patches,$(call qstrip,$(BR2_GLOBAL_PATCH_DIR)))
 
 ifneq ($(and $(openrtu_patches),$(wildcard $(openrtu_patches)/linux/$(LINUX_VERSION)/*.patch)),)
-openrtu_linux := $(addprefix $(BR2_EXTERNAL_OPENRTU_PATH)/../board/nuc980/linux/,arch drivers include)
+openrtu_linux := $(realpath $(addprefix $(BR2_EXTERNAL_OPENRTU_PATH)/../board/nuc980/linux/,arch drivers include))
 define OPENRTU_LINUX_SOURCES
-	cp -R $(openrtu_linux) $(@D)
+	rsync -r --checksum $(openrtu_linux) $(@D)
 endef
 LINUX_POST_PATCH_HOOKS += OPENRTU_LINUX_SOURCES
+LINUX_PRE_BUILD_HOOKS += OPENRTU_LINUX_SOURCES
 
 define OPENRTU_LINUX_LEGAL_INFO
 	mkdir -p $(LINUX_REDIST_SOURCES_DIR)/nuc980
@@ -41,11 +42,12 @@ LINUX_POST_LEGAL_INFO_HOOKS += OPENRTU_LINUX_LEGAL_INFO
 endif
 
 ifneq ($(openrtu_patches),)
-openrtu_uboot := $(wildcard $(BR2_EXTERNAL_OPENRTU_PATH)/../board/nuc980/u-boot/*)
+openrtu_uboot := $(realpath $(wildcard $(BR2_EXTERNAL_OPENRTU_PATH)/../board/nuc980/u-boot/*))
 define OPENRTU_UBOOT_SOURCES
-	cp -R $(openrtu_uboot) $(@D)
+	rsync -r --checksum $(openrtu_uboot) $(@D)
 endef
 UBOOT_POST_PATCH_HOOKS += OPENRTU_UBOOT_SOURCES
+UBOOT_PRE_BUILD_HOOKS += OPENRTU_UBOOT_SOURCES
 
 define OPENRTU_UBOOT_LEGAL_INFO
 	mkdir -p $(UBOOT_REDIST_SOURCES_DIR)/nuc980
@@ -57,6 +59,8 @@ endif
 # Buildroot builds local sources and device trees once: what changed since then would not be in the image.
 openrtu_sources := $(shell find $(BR2_EXTERNAL_OPENRTU_PATH)/../package/openrtu -type f)
 $(OPENRTU_TARGET_RSYNC) $(OPENRTU_TARGET_BUILD): $(openrtu_sources)
+$(LINUX_TARGET_BUILD): $(if $(openrtu_linux),$(shell find $(openrtu_linux) -type f))
+$(UBOOT_TARGET_BUILD): $(if $(openrtu_uboot),$(shell find $(openrtu_uboot) -type f))
 ifneq ($(filter %/board/nuc980/rootfs-overlay,$(call qstrip,$(BR2_ROOTFS_OVERLAY))),)
 $(LINUX_TARGET_BUILD): $(shell find $(BR2_EXTERNAL_OPENRTU_PATH)/../dts/nuvoton -type f)
 endif
