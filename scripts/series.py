@@ -5,7 +5,7 @@ series.py FOLDER [--author 'NAME <ADDRESS>']: FOLDER/PROJECT/0001-….patch and 
 and the cover letter, 0000-cover-letter.patch. patches/PROJECT/series.toml names the parts: a message with the
 hunks in files of the project's (a patch of that folder), the whole files of ours that belong to it, or both.
 
-Exit codes: 0 written; 2 a file of ours is in no patch, or in two.
+Exit codes: 0 written; 2 a file of ours is in no patch, in two, or is no text.
 """
 
 from __future__ import annotations
@@ -125,7 +125,10 @@ def hook(path: Path) -> Patch:
 
 
 def new_file(name: str, path: Path) -> str:
-    lines = path.read_text().splitlines()
+    text = path.read_bytes().decode(errors="replace")
+    if not text.endswith("\n") or "\r" in text or "\ufffd" in text:
+        raise UnusableInput(f"{path}: is not lines of text, each with a newline at its end")
+    lines = text[:-1].split("\n")
     added = "".join(f"+{line}\n" for line in lines)
     start = f"@@ -0,0 +1,{len(lines)} @@" if len(lines) != 1 else "@@ -0,0 +1 @@"
     return (

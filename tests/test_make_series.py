@@ -33,6 +33,9 @@ def test_each_patch_has_a_message_and_says_what_it_changes(project: str) -> None
         assert len(patch.subject) <= 75 and not patch.subject.endswith(".")
         assert patch.text.strip() and "SPDX" not in patch.text
         assert max(map(len, patch.text.splitlines())) <= 80
+        assert not re.search(
+            r"^(---|diff -|Index: |From )", patch.text, re.MULTILINE
+        )  # git am would end there
         assert re.search(r"^--- ", patch.diff, re.MULTILINE)
     assert len(new_files(made)) == len(set(new_files(made)))
 
@@ -73,6 +76,26 @@ def test_a_file_in_no_patch_is_told(tree: Path) -> None:
     with pytest.raises(UnusableInput, match=r"drivers/spi/spi-nuc980\.c is in 0 patches"):
         series_of("linux", tree)
     shutil.rmtree(new.parent)
+
+
+@pytest.mark.parametrize("content", [b"", b"int spi;", b"int spi;\r\n", b"\xff\n"])
+def test_a_file_that_a_mail_would_change_is_told(tree: Path, content: bytes) -> None:
+    file = tree / "board/nuc980/u-boot/drivers/net/nuc980_emac.c"
+    before = file.read_bytes()
+    file.write_bytes(content)
+    with pytest.raises(UnusableInput, match=r"nuc980_emac\.c: .* each with a newline"):
+        series_of("uboot", tree)
+    file.write_bytes(before)
+
+
+def test_a_line_ends_at_its_newline_alone(tree: Path) -> None:
+    """Not at a form feed, which the kernel has between parts of a file."""
+    file = tree / "board/nuc980/u-boot/drivers/net/nuc980_emac.c"
+    before = file.read_bytes()
+    file.write_bytes(b"int one;\n\x0c\nint two;\n")
+    diffs = "".join(patch.diff for patch in series_of("uboot", tree).patches)
+    assert "+++ b/drivers/net/nuc980_emac.c\n@@ -0,0 +1,3 @@\n+int one;\n+\x0c\n+int two;\n" in diffs
+    file.write_bytes(before)
 
 
 def test_a_file_in_two_patches_is_told(tree: Path) -> None:
