@@ -142,8 +142,9 @@ def signed(patch: Patch) -> Patch:
 
 
 def statistics(diff: str) -> str:
+    """Made in no clone: in a folder of one git leaves out what is outside of the folder."""
     command = ["git", "apply", "--stat", "--summary", "-"]
-    return subprocess.run(command, input=diff, check=True, capture_output=True, text=True).stdout
+    return subprocess.run(command, cwd="/", input=diff, check=True, capture_output=True, text=True).stdout
 
 
 def mail(patch: Patch, position: str, date: int, rest: str) -> str:

@@ -69,6 +69,13 @@ def test_the_mails_are_numbered_and_signed(project: str) -> None:
         assert f"\n\nSigned-off-by: {AUTHOR}\n---\n " in text
 
 
+def test_the_statistics_are_of_all_files_from_any_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+    """git leaves out what is outside of the folder of a clone that it is called in."""
+    monkeypatch.chdir(ROOT / "docs")
+    (_, cover), *_ = series_of("uboot").mails(0)
+    assert re.search(r"^ MAINTAINERS +\| +\d+ \+*$", cover, re.MULTILINE)
+
+
 def test_a_file_in_no_patch_is_told(tree: Path) -> None:
     new = tree / "board/nuc980/linux/drivers/spi/spi-nuc980.c"
     new.parent.mkdir()
