@@ -51,13 +51,23 @@ static void take_read(struct modbus_learned *learned, const struct modbus_read *
 	}
 }
 
-static void take_length(struct modbus_learned *learned, uint8_t function, uint16_t length)
+static void take_shortest(uint16_t *shortest, uint16_t length)
 {
-	uint16_t *shortest =
-	    modbus_is_bit_function(function) ? &learned->refused_bits : &learned->refused_registers;
-
 	if (*shortest == 0 || length < *shortest)
 		*shortest = length;
+}
+
+static void take_length(struct modbus_learned *learned, uint8_t function, uint16_t length)
+{
+	take_shortest(modbus_is_bit_function(function) ? &learned->refused_bits : &learned->refused_registers,
+		      length);
+}
+
+/* It may be too long, where noise is no cause. */
+static void take_silence(struct modbus_learned *learned, uint8_t function, uint16_t length)
+{
+	take_shortest(modbus_is_bit_function(function) ? &learned->silent_bits : &learned->silent_registers,
+		      length);
 }
 
 static void take_hole(struct modbus_learned *learned, const struct modbus_read *before,
@@ -79,6 +89,8 @@ static void take_parts(struct modbus_learned *learned, const struct modbus_read 
 	uint32_t end = end_of(behind) > end_of(before) ? end_of(behind) : end_of(before);
 	uint16_t length = (uint16_t)(end - before->address);
 
+	if (behind->whole_exception == 0 && behind->address <= end_of(before))
+		take_silence(learned, before->function, length);
 	if (behind->whole_exception != MODBUS_ILLEGAL_ADDRESS &&
 	    behind->whole_exception != MODBUS_ILLEGAL_VALUE)
 		learned->unclear++;

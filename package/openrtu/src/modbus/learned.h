@@ -29,6 +29,7 @@ struct modbus_learned {
 	uint16_t given_bits, given_registers; /* of the longest read that it gives */
 	/* Of the shortest that it refused, the parts of which it gives, and which have no hole between them. */
 	uint16_t refused_bits, refused_registers;
+	uint16_t silent_bits, silent_registers; /* the same of reads that it did not answer */
 	/* Between two parts that it gives, of a read that it refused: of all such, that of the shortest read. */
 	struct {
 		uint8_t function, exception;

@@ -46,6 +46,7 @@ struct modbus_learned_stats {
 	_Atomic uint32_t given_bits, given_registers; /* of the longest read that it gives */
 	_Atomic uint32_t refused_bits,
 	    refused_registers; /* of the shortest that it refused, and gives in parts */
+	_Atomic uint32_t silent_bits, silent_registers; /* the same of reads that it did not answer */
 	/* A hole in a read that it refused, on either side of which it gives what was asked for; count 0: none. */
 	_Atomic uint32_t hole_function, hole_address, hole_count, hole_exception;
 	_Atomic uint32_t hole_read; /* bits or registers of that read */

@@ -193,6 +193,7 @@ static void test_nothing_follows_from_silence_or_another_exception(void **state)
 		give_all();
 		assert_int_equal(learn().unclear, 1);
 		assert_int_equal(learn().refused_registers, 0);
+		assert_int_equal(learn().silent_registers, exceptions[i] == 0 ? 8 : 0);
 	}
 }
 

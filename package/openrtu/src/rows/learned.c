@@ -38,11 +38,12 @@ static json_t *lacking_json(const struct modbus_learned_stats *learned)
 
 json_t *learned_json(const struct modbus_learned_stats *learned)
 {
-	return json_pack("{s:I, s:I, s:I, s:I, s:o, s:o, s:I, s:I, s:I}", "given_bits",
-			 (json_int_t)learned->given_bits, "given_registers",
-			 (json_int_t)learned->given_registers, "refused_bits",
-			 (json_int_t)learned->refused_bits, "refused_registers",
-			 (json_int_t)learned->refused_registers, "hole", hole_json(learned), "lacking",
-			 lacking_json(learned), "holes_given", (json_int_t)learned->holes_given, "unclear",
-			 (json_int_t)learned->unclear, "open", (json_int_t)learned->open);
+	return json_pack(
+	    "{s:I, s:I, s:I, s:I, s:I, s:I, s:o, s:o, s:I, s:I, s:I}", "given_bits",
+	    (json_int_t)learned->given_bits, "given_registers", (json_int_t)learned->given_registers,
+	    "refused_bits", (json_int_t)learned->refused_bits, "refused_registers",
+	    (json_int_t)learned->refused_registers, "silent_bits", (json_int_t)learned->silent_bits,
+	    "silent_registers", (json_int_t)learned->silent_registers, "hole", hole_json(learned), "lacking",
+	    lacking_json(learned), "holes_given", (json_int_t)learned->holes_given, "unclear",
+	    (json_int_t)learned->unclear, "open", (json_int_t)learned->open);
 }

@@ -30,7 +30,7 @@
 /* What is learned of reads of bits, or of registers. */
 struct length {
 	const char *key, *unit;
-	uint32_t given, refused;
+	uint32_t given, refused, silent;
 	uint32_t configured; /* 0: nothing */
 };
 
@@ -63,11 +63,13 @@ static struct length length_of(const struct device *device, bool bits)
 				       .unit = "bits",
 				       .given = learned->given_bits,
 				       .refused = learned->refused_bits,
+				       .silent = learned->silent_bits,
 				       .configured = device->config->max_bits};
 	return (struct length){.key = "max_registers",
 			       .unit = "registers",
 			       .given = learned->given_registers,
 			       .refused = learned->refused_registers,
+			       .silent = learned->silent_registers,
 			       .configured = device->config->max_registers};
 }
 
@@ -98,6 +100,20 @@ static void judge_length(struct device *device, bool bits)
 	suggest_length(device, &length);
 	remark(device, "%s %u: it refused %u in one read, and gives them in two", length.key, length.given,
 	       length.refused);
+}
+
+/* It did not answer what is longer than all that it gives, and noise was not the cause: none of its answers was damaged. */
+static bool judge_silence(struct device *device, bool bits)
+{
+	struct length length = length_of(device, bits);
+
+	if (length.silent <= length.given || length.given == 0 || length.refused != 0 ||
+	    device->stats->errors > 0 || (length.configured != 0 && length.given >= length.configured))
+		return false;
+	suggest_length(device, &length);
+	remark(device, "%s %u: it did not answer %u in one read, and gives them in two", length.key,
+	       length.given, length.silent);
+	return true;
 }
 
 /* The read over the hole was longer than anything that the device gives: by the exception, it was too long. */
@@ -231,6 +247,8 @@ static void judge_time_out(struct device *device)
 
 static void judge(struct device *device)
 {
+	bool silent;
+
 	judge_time_out(device);
 	judge_pause(device);
 	judge_functions(device);
@@ -244,7 +262,10 @@ static void judge(struct device *device)
 	judge_length(device, false);
 	judge_hole(device);
 	judge_lacking(device);
-	judge_unclear(device);
+	silent = judge_silence(device, true);
+	silent |= judge_silence(device, false);
+	if (!silent)
+		judge_unclear(device);
 }
 
 /* The slave as an element of its port's array, NULL: nothing is suggested for it. */

@@ -540,6 +540,29 @@ static void test_suggest_a_pause(void **state)
 	forget();
 }
 
+/* Where no answer was damaged: noise spoils the long ones first. */
+static void test_suggest_a_length_that_is_answered(void **state)
+{
+	struct modbus_device_stats *stats = modbus_device_stats(owner, 0);
+
+	(void)state;
+	forget();
+	stats->errors = 0;
+	stats->learned.given_registers = 25;
+	stats->learned.silent_registers = 50;
+	stats->learned.unclear = 1;
+	assert_suggested("\"max_registers\": 25");
+	assert_contains("max_registers 25: it did not answer 50 in one read, and gives them in two\n");
+	assert_null(strstr(output, "no key"));
+	stats->errors = 1;
+	assert_suggested("");
+	assert_contains("no key for 1 reads that it gives in two only");
+	stats->errors = 0;
+	stats->learned.given_registers = 60;
+	assert_suggested("");
+	forget();
+}
+
 static void test_suggest_a_time_out(void **state)
 {
 	struct modbus_device_stats *stats = modbus_device_stats(owner, 0);
@@ -945,6 +968,7 @@ int main(int argc, char **argv)
 	    cmocka_unit_test(test_suggest_a_reaction),
 	    cmocka_unit_test(test_suggest_a_pause),
 	    cmocka_unit_test(test_suggest_what_a_connection_needs),
+	    cmocka_unit_test(test_suggest_a_length_that_is_answered),
 	    cmocka_unit_test(test_suggest_a_time_out),
 	    cmocka_unit_test(test_suggest_a_write_function),
 	    cmocka_unit_test(test_suggest_no_holes),

@@ -25,6 +25,8 @@ static void show_learned(struct modbus_learned_stats *shown, const struct modbus
 	show(&shown->given_registers, learned->given_registers);
 	show(&shown->refused_bits, learned->refused_bits);
 	show(&shown->refused_registers, learned->refused_registers);
+	show(&shown->silent_bits, learned->silent_bits);
+	show(&shown->silent_registers, learned->silent_registers);
 	show(&shown->hole_function, learned->hole.function);
 	show(&shown->hole_address, learned->hole.address);
 	show(&shown->hole_count, learned->hole.count);
