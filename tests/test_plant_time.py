@@ -220,6 +220,44 @@ def run_alone(tmp_path: Path, world: str) -> "subprocess.CompletedProcess[str]":
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
+NESTED = """
+import ctypes, select, time
+libc = ctypes.CDLL(None)
+timer = libc.timerfd_create(time.CLOCK_MONOTONIC, 0)
+libc.timerfd_settime(timer, 0, (ctypes.c_long * 4)(0, 0, 2, 0), None)
+inner, outer = select.epoll(), select.epoll()
+inner.register(timer, select.EPOLLIN)
+outer.register(inner.fileno(), select.EPOLLIN)
+begun = time.monotonic()
+found = outer.poll(10)
+print(len(found), time.monotonic() - begun)
+"""
+
+
+def run_script(tmp_path: Path, script: str, at_s: float = 0.0) -> "subprocess.CompletedProcess[str]":
+    (tmp_path / "script").write_text(script)
+    words = [sys.executable, "-I", "-S", f"{tmp_path}/script"]
+    start = ["start", "script", f"{at_s}", f"{tmp_path}/out", f"{tmp_path}/log", *words]
+    return run_alone(tmp_path, "end\t60\n" + "\t".join(start) + "\n")
+
+
+def test_an_epoll_in_an_epoll_knows_when_its_timer_is_due(programs: Path, tmp_path: Path) -> None:
+    assert run_script(tmp_path, NESTED).returncode == 0
+    assert (tmp_path / "out").read_text() == "1 2.0\n", (tmp_path / "log").read_text()
+
+
+def test_who_asks_for_the_time_until_it_passes_sees_it_pass(programs: Path, tmp_path: Path) -> None:
+    script = "import time\nend = time.monotonic() + 0.005\nwhile time.monotonic() < end: pass\nprint('there')"
+    assert run_script(tmp_path, script).returncode == 0
+    assert (tmp_path / "out").read_text() == "there\n"
+
+
+def test_a_process_whose_time_is_behind_the_end_never_begins(programs: Path, tmp_path: Path) -> None:
+    assert run_script(tmp_path, "print('there')", at_s=70.0).returncode == 0
+    assert (tmp_path / "out").read_text() == ""
+    assert (tmp_path / "trace").read_bytes() == b""
+
+
 def test_a_crash_is_told(programs: Path, tmp_path: Path) -> None:
     words = [sys.executable, "-I", "-S", "-c", "import os; os.abort()"]
     start = ["start", "wild", "0", f"{tmp_path}/out", f"{tmp_path}/log", *words]

@@ -142,6 +142,31 @@ static bool poll_ready(void *what)
 	return asked->found > 0;
 }
 
+static int64_t due_ns(int fd, short events);
+
+static int64_t epoll_due_ns(int epoll)
+{
+	int64_t first_ns = PLANT_NEVER;
+
+	for (size_t i = 0; i < watched_count; i++) {
+		const int64_t member_ns = watched[i].epoll == epoll && !watched[i].told_once
+					      ? due_ns(watched[i].fd, events_of(&watched[i]))
+					      : PLANT_NEVER;
+
+		if (member_ns < first_ns)
+			first_ns = member_ns;
+	}
+	return first_ns;
+}
+
+/* When a timer makes it readable. */
+static int64_t due_ns(int fd, short events)
+{
+	if (fd < 0 || !(events & POLLIN))
+		return PLANT_NEVER;
+	return is_epoll(fd) ? epoll_due_ns(fd) : timer_next_ns(fd);
+}
+
 int wait_poll(struct pollfd *fds, nfds_t count, int64_t deadline_ns)
 {
 	struct asked asked = {.fds = fds, .count = count};
@@ -149,8 +174,7 @@ int wait_poll(struct pollfd *fds, nfds_t count, int64_t deadline_ns)
 	int result;
 
 	for (nfds_t i = 0; i < count; i++) {
-		const int64_t timer_ns =
-		    fds[i].fd >= 0 && fds[i].events & POLLIN ? timer_next_ns(fds[i].fd) : PLANT_NEVER;
+		const int64_t timer_ns = due_ns(fds[i].fd, fds[i].events);
 
 		if (timer_ns < first_ns)
 			first_ns = timer_ns;
