@@ -13,8 +13,8 @@ import pytest
 
 import plant_world
 from lab.gateway import remove, run_directory
-from plant_judge import judge
-from plant_run import story
+from plant_judge import Violation, judge
+from plant_run import shrunk, story
 from plant_world import BUILD, Fault, Run, World, calm, troubled
 
 SECONDS = 60.0
@@ -211,6 +211,50 @@ def test_the_judge_sees(first: Run, tmp_path: Path, spoil: Callable[[Lines], Non
     assert rule in {violation.rule for violation in judge(spoiled)}
 
 
+# ---- make plant ----------------------------------------------------------------------------------------
+
+
+def test_a_story_has_the_faults_that_it_takes(first: Run) -> None:
+    faults = tuple(Fault(10.0 + number, "cut", f"{number}", for_s=1.0) for number in range(6))
+    tried = []
+
+    def attempt(world: World, *, traced: bool = False) -> tuple[Run, list[Violation]]:
+        tried.append(world)
+        folder = first.folder / "none"
+        fails = {faults[1], faults[4]} <= set(world.faults)
+        found = [Violation("true", 20.0, "a value"), Violation("once", 12.0, "an event")] if fails else []
+        return Run(world, folder, 1.0, 0, ""), found
+
+    least = shrunk(World(1, SECONDS, (), faults), {"true"}, attempt)
+    assert least.faults == (faults[1], faults[4])
+    assert len(tried) == len(faults)
+    ran, violations = attempt(least)
+    assert story(ran, violations).splitlines() == [
+        "  11.000 s: TCP port 1 is cut for 1.000 s",
+        "! 12.000 s: once: an event",
+        "  14.000 s: TCP port 4 is cut for 1.000 s",
+        "! 20.000 s: true: a value",
+    ]
+
+
+def plant(*words: object) -> "subprocess.CompletedProcess[str]":
+    program = plant_world.PARTS.with_name("plant_run.py")
+    command = [sys.executable, program, *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_one_seed_again_keeps_its_trace(programs: Path, linesim_program: Path, tmp_path: Path) -> None:
+    result = plant("--seed", 3, "--hours", 0.04, "--out", tmp_path)
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert "1 seeds, 0.04 hours of a plant" in result.stdout
+    assert (tmp_path / "3" / "trace").stat().st_size > 10_000
+
+
+def test_too_short_a_time_is_no_plant() -> None:
+    result = plant("--hours", 0.01)
+    assert (result.returncode, "expected a seed and 0.033 hours at least" in result.stderr) == (2, True)
+
+
 # ---- the runner ----------------------------------------------------------------------------------------
 
 
@@ -244,6 +288,13 @@ def run_script(tmp_path: Path, script: str, at_s: float = 0.0) -> "subprocess.Co
 def test_an_epoll_in_an_epoll_knows_when_its_timer_is_due(programs: Path, tmp_path: Path) -> None:
     assert run_script(tmp_path, NESTED).returncode == 0
     assert (tmp_path / "out").read_text() == "1 2.0\n", (tmp_path / "log").read_text()
+
+
+def test_a_shell_and_what_it_starts(programs: Path, tmp_path: Path) -> None:
+    start = ["start", "shell", "0", f"{tmp_path}/out", f"{tmp_path}/log"]
+    words = [*start, "/bin/sh", "-c", "date +%T; sleep 7; date +%T"]
+    assert run_alone(tmp_path, "end\t60\n" + "\t".join(words) + "\n").returncode == 0
+    assert (tmp_path / "out").read_text() == "00:00:00\n00:00:07\n", (tmp_path / "log").read_text()
 
 
 def test_who_asks_for_the_time_until_it_passes_sees_it_pass(programs: Path, tmp_path: Path) -> None:

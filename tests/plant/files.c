@@ -187,6 +187,14 @@ ssize_t recv(int fd, void *out, size_t size, int flags)
 	return recvfrom(fd, out, size, flags, NULL, NULL);
 }
 
+ssize_t __recv_chk(int fd, void *out, size_t size, size_t room, int flags);
+ssize_t __recv_chk(int fd, void *out, size_t size, size_t room, int flags)
+{
+	if (size > room)
+		abort();
+	return recv(fd, out, size, flags);
+}
+
 ssize_t sendto(int fd, const void *octets, size_t size, int flags, const struct sockaddr *address,
 	       socklen_t address_size)
 {

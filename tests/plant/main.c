@@ -52,7 +52,7 @@ struct start {
 
 static struct plant *plant;
 static struct start starts[PLANT_PROCESSES];
-static char library[PATH_MAX], shared_path[] = "/dev/shm/openrtu-plant-XXXXXX";
+static char library[PATH_MAX], shared_path[PATH_MAX];
 static FILE *trace;
 
 __attribute__((noreturn)) static void give_up(enum exit_code code, const char *what, const char *why)
@@ -165,7 +165,7 @@ static void read_world(const char *path)
 
 static void make_shared(uint64_t seed)
 {
-	const int fd = mkstemp(shared_path);
+	const int fd = open(shared_path, O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
 
 	if (fd < 0 || ftruncate(fd, sizeof(struct plant)) < 0 || fchmod(fd, 0666) < 0)
 		give_up(FAILED, shared_path, strerror(errno));
@@ -193,7 +193,7 @@ static void redirect(const char *path, int fd, int flags)
 /* The same addresses each time; of the environment nothing but what the plant says. */
 __attribute__((noreturn)) static void execute(uint32_t process)
 {
-	char preload[PATH_MAX + 16], shared[PATH_MAX], number[32];
+	char preload[PATH_MAX + 16], shared[PATH_MAX + 16], number[32];
 	const char *const environment[] = {preload,
 					   shared,
 					   number,
@@ -328,6 +328,7 @@ static enum exit_code run(const char *world, const char *trace_path, uint64_t se
 	trace = fopen(trace_path, "we");
 	if (!trace)
 		give_up(WRONG_USAGE, trace_path, strerror(errno));
+	snprintf(shared_path, sizeof(shared_path), "%s.shared", world); /* it goes with the world's folder */
 	make_shared(seed);
 	read_world(world);
 	prctl(PR_SET_CHILD_SUBREAPER, 1);

@@ -49,7 +49,7 @@ def shrunk(world: World, rules: set[str], attempt: Try) -> World:
     for fault in reversed(world.faults):
         without = dataclasses.replace(world, faults=tuple(one for one in world.faults if one != fault))
         ran, violations = attempt(without)
-        shutil.rmtree(ran.folder)
+        shutil.rmtree(ran.folder, ignore_errors=True)
         if rules & {violation.rule for violation in violations}:
             world = without
     return world

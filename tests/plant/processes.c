@@ -51,6 +51,12 @@ pid_t fork(void)
 	return pid;
 }
 
+/* The parent would not run until the child executes something, which takes the baton. */
+pid_t vfork(void)
+{
+	return fork();
+}
+
 /* The preload library and the place in the plant, whatever else the new program's environment is. */
 static void put_environment(char *const old[], char *out[VARIABLES_MAX],
 			    char own[OWN_VARIABLES][VARIABLE_SIZE])
@@ -171,6 +177,23 @@ pid_t waitpid(pid_t pid, int *status, int options)
 	client_tell("waitpid %d", (child.found > 0) - (child.found < 0));
 	errno = child.error;
 	return child.found;
+}
+
+pid_t wait4(pid_t pid, int *status, int options, struct rusage *usage)
+{
+	if (usage)
+		memset(usage, 0, sizeof(*usage));
+	return waitpid(pid, status, options);
+}
+
+pid_t wait3(int *status, int options, struct rusage *usage)
+{
+	return wait4(-1, status, options, usage);
+}
+
+pid_t wait(int *status)
+{
+	return waitpid(-1, status, 0);
 }
 
 /*

@@ -3,6 +3,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/select.h>
 #include <unistd.h>
@@ -232,6 +233,25 @@ int ppoll(struct pollfd *fds, nfds_t count, const struct timespec *timeout, cons
 	if (!plant)
 		return real.poll(fds, count, timeout ? (int)(wait_ns_of(timeout) / NS_PER_MS) : -1);
 	return poll_for("ppoll", fds, count, wait_ns_of(timeout));
+}
+
+/* What a program that was compiled with _FORTIFY_SOURCE calls. */
+int __poll_chk(struct pollfd *fds, nfds_t count, int timeout, size_t room);
+int __poll_chk(struct pollfd *fds, nfds_t count, int timeout, size_t room)
+{
+	if (room / sizeof(*fds) < count)
+		abort();
+	return poll(fds, count, timeout);
+}
+
+int __ppoll_chk(struct pollfd *fds, nfds_t count, const struct timespec *timeout, const sigset_t *mask,
+		size_t room);
+int __ppoll_chk(struct pollfd *fds, nfds_t count, const struct timespec *timeout, const sigset_t *mask,
+		size_t room)
+{
+	if (room / sizeof(*fds) < count)
+		abort();
+	return ppoll(fds, count, timeout, mask);
 }
 
 int wait_blocking(int fd, short events)
