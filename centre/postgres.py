@@ -38,6 +38,7 @@ FAULTS = (asyncpg.PostgresError, asyncpg.InterfaceError, asyncpg.InternalClientE
 # The server notices within half a minute that this machine is gone, and lets go of the lock.
 SERVER = {
     "application_name": "openrtu-centre",
+    "jit": "off",  # it compiles for seconds what is asked of many weeks in milliseconds
     "synchronous_commit": "on",
     "tcp_keepalives_idle": "10",
     "tcp_keepalives_interval": "5",

@@ -18,6 +18,7 @@ PLAIN = [
 # It draws WebGL by itself, for the map.
 FLAGS = [*PLAIN, "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 LIMIT_MS = 120_000  # for a hang only
+TABS_MOST = 100
 
 
 @contextlib.contextmanager
@@ -55,6 +56,15 @@ def log_in(page: Page, port: int, name: str, password: str, view: str = "map") -
     page.keyboard.press("Enter")
     page.wait_for_selector("nav, .error:not(:empty)")
     assert page.locator("nav").count(), page.locator(".error").inner_text()
+
+
+def tab_to(page: Page, wanted: Locator, key: str = "Tab") -> None:
+    """By the keyboard alone, as often as it takes."""
+    for _ in range(TABS_MOST):
+        if wanted.evaluate("one => one === document.activeElement"):
+            return
+        page.keyboard.press(key)
+    raise AssertionError(f"no {key} leads to {wanted}")
 
 
 def tool(page: Page, selector: str) -> Locator:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
-from browser import LIMIT_MS, log_in
+from browser import LIMIT_MS, log_in, tab_to
 from control_room import PAGE, PASSWORD, Site, Stations, described, now_ms, until
 from lab.gateway import free_port
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, Station, measured, single
@@ -69,6 +69,20 @@ def heard(page: Page) -> int:
 def sounds(page: Page) -> None:
     before = heard(page)
     until(lambda: heard(page) > before + 1, "it sounds again and again")
+
+
+def calm(site: Site, stations: Stations, made: dict[str, Station]) -> None:
+    """No alarm is open, whatever was before."""
+    for station in made.values():
+        stations.say(station, 4, M_ME_TF_1, measured(now_ms(), 1))
+        stations.say(station, 5, M_SP_TB_1, single(now_ms(), False))
+    client = site.client("olga")
+
+    def over() -> bool:
+        client.post("/api/alarms/acknowledge", {"ids": [each["id"] for each in client.get("/api/alarms")]})
+        return not client.get("/api/alarms")
+
+    until(over, "all are gone", 0.2)
 
 
 def test_horn_sounds_on_every_screen_until_it_is_silenced(
@@ -226,3 +240,99 @@ def test_operator_sees_what_waits_for_a_target(
     expect(watching.get_by_role("button", name="Rates")).to_be_visible()
     expect(watching.get_by_role("button", name="Notifications")).to_have_count(0)
     viewer.close()
+
+
+def test_parts_are_opened_below_their_alarm_under_the_pointer(
+    context: BrowserContext, site: Site, stations: Stations, made: dict[str, Station]
+) -> None:
+    """At once, though no row moves otherwise: that is what the click was for."""
+    calm(site, stations, made)
+    page = open_page(context, site, "olga", "alarms")
+    stations.say(made["north"], 4, M_ME_TF_1, measured(now_ms(), 9))
+    rows = page.locator("tbody tr")
+    level = rows.filter(has_text="level is too high")
+    expect(level).to_have_count(1)
+    stations.do(made["north"].stop())
+    lost = rows.filter(has_text="north").get_by_role("button", name="Parts (1)")
+    expect(lost).to_be_visible()
+    expect(rows).to_have_count(1)
+    lost.hover()
+    stations.say(made["weir"], 5, M_SP_TB_1, single(now_ms(), True))
+    expect(rows).to_have_count(2)
+    expect(rows.nth(1)).to_contain_text("weir")
+    lost.click()
+    expect(rows).to_have_count(3)
+    expect(rows.nth(1)).to_contain_text("part of another alarm")
+    lost.click()
+    expect(rows).to_have_count(2)
+    stations.do(made["north"].listen())
+    calm(site, stations, made)
+
+
+def test_alarms_are_shelved_and_silenced_by_keys_alone(
+    context: BrowserContext, site: Site, stations: Stations, made: dict[str, Station]
+) -> None:
+    """From the login to the end of the alarm, without a pointer."""
+    calm(site, stations, made)
+    page = open_page(context, site, "olga", "stations")
+    stations.say(made["north"], 4, M_ME_TF_1, measured(now_ms(), 9))
+    expect(page.locator("#silence")).to_be_visible()
+    page.keyboard.press("s")
+    expect(page.locator("#silence")).to_be_hidden()
+    page.keyboard.press("3")
+    row = page.locator("tbody tr", has_text="level is too high")
+    tab_to(page, row.get_by_role("button", name="Shelve"))
+    page.keyboard.press("Enter")
+    expect(page.get_by_label("Reason")).to_be_focused()
+    page.keyboard.type("the probe is cleaned")
+    page.keyboard.press("Enter")
+    shelved = page.get_by_role("button", name="Shelved (1)")
+    expect(shelved).to_be_visible()
+    tab_to(page, shelved, "Shift+Tab")
+    expect(row).to_be_hidden()
+    page.keyboard.press("Enter")
+    expect(row).to_contain_text("the probe is cleaned")
+    tab_to(page, row.get_by_role("button", name="Unshelve"))
+    page.keyboard.press("Enter")
+    expect(row).not_to_contain_text("the probe is cleaned")
+    expect(row.get_by_role("button", name="Acknowledge")).to_be_focused()  # who acts goes on in the row
+    # It came before it was silenced, so it is quiet; one that comes again is not.
+    expect(page.locator("#silence")).to_be_hidden()
+    stations.say(made["north"], 4, M_ME_TF_1, measured(now_ms(), 1))
+    expect(row).to_contain_text("gone")
+    stations.say(made["north"], 4, M_ME_TF_1, measured(now_ms(), 8))
+    expect(page.locator("#silence")).to_be_visible()
+    tab_to(page, page.locator("#silence"))
+    page.keyboard.press("Space")
+    expect(page.locator("#silence")).to_be_hidden()
+    tab_to(page, row.get_by_role("button", name="Acknowledge"))
+    page.keyboard.press("Enter")
+    expect(row).to_contain_text("olga")
+    stations.say(made["north"], 4, M_ME_TF_1, measured(now_ms(), 1))
+    tab_to(page, page.get_by_placeholder("Search"), "Shift+Tab")
+    expect(row).to_be_hidden()
+
+
+@pytest.mark.parametrize("size", [(1100, 400), (390, 560)], ids=["wide", "phone"])
+def test_silence_lies_over_no_button(
+    context: BrowserContext, site: Site, stations: Stations, made: dict[str, Station], size: tuple[int, int]
+) -> None:
+    calm(site, stations, made)
+    page = open_page(context, site, "olga", "alarms")
+    page.set_viewport_size({"width": size[0], "height": size[1]})
+    for station in made.values():
+        stations.say(station, 4, M_ME_TF_1, measured(now_ms(), 9))
+        stations.say(station, 5, M_SP_TB_1, single(now_ms(), True))
+    expect(page.locator("#silence")).to_have_text(f"Silence ({2 * len(made)})")
+    last = page.locator("tbody tr").nth(2 * len(made) - 1)
+    expect(last).to_be_attached()
+    over = page.evaluate(
+        """() => {
+          const { left, right, top, bottom } = document.querySelector(".page").getBoundingClientRect();
+          const silence = document.querySelector("#silence").getBoundingClientRect();
+          return silence.top < bottom && silence.left < right && silence.right > left && silence.bottom > top;
+        }"""
+    )
+    assert not over
+    last.get_by_role("button", name="Acknowledge").click()
+    calm(site, stations, made)

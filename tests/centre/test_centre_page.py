@@ -11,7 +11,7 @@ from playwright.sync_api import Browser, Page, Route, expect
 from pmtiles.tile import Compression, TileType, zxy_to_tileid
 from pmtiles.writer import write
 
-from browser import LIMIT_MS, faultless, log_in, tool
+from browser import LIMIT_MS, faultless, log_in, tab_to, tool
 from control_room import PAGE, PASSWORD, POINTS, Site, Stations, described, now_ms, until
 from lab.centre_client import AnswerError
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, POSITION, Station, measured, position, single
@@ -333,6 +333,37 @@ def test_replay_shows_where_it_was(page: Page, site: Site, stations: Stations, n
     expect(page.locator(".list li", has_text="north").locator(".state")).to_have_text("old")
     page.locator(".replay").get_by_role("button", name="Close").click()
     expect(page.locator(".about dl")).to_contain_text(f"{BELGRADE[0]:.6f}°")
+    expect(page.locator(".replay")).to_be_hidden()
+
+
+def test_map_by_keys_alone(page: Page, stations: Stations, north: Station) -> None:
+    """A vehicle is found and chosen; the map is moved; replay begins and ends. Without a pointer."""
+    stations.say(north, 1, POSITION, position(now_ms(), *BELGRADE, 117))
+    page.keyboard.press("1")
+    page.keyboard.press("/")
+    page.keyboard.type("nor")
+    vehicle = page.locator(".list button", has_text="north")
+    tab_to(page, vehicle)
+    page.keyboard.press("Enter")
+    expect(page.locator(".about dl")).to_contain_text(f"{BELGRADE[0]:.6f}°")
+    canvas = page.locator(".maplibregl-canvas")
+    tab_to(page, canvas)
+    where = "[openrtuMap.getCenter().lng, openrtuMap.getZoom()]"
+    before = page.evaluate(where)
+    page.keyboard.press("ArrowRight")
+    until(lambda: page.evaluate(where)[0] > before[0], "it is moved")
+    page.keyboard.press("-")
+    until(lambda: page.evaluate(where)[1] < before[1], "it is smaller")
+    tab_to(page, page.get_by_role("button", name="Replay"))
+    page.keyboard.press("Enter")
+    slider = page.locator(".replay input[type=range]")
+    expect(slider).to_be_visible()
+    tab_to(page, slider)
+    at = slider.input_value()
+    page.keyboard.press("ArrowRight")
+    assert slider.input_value() > at
+    tab_to(page, page.locator(".replay").get_by_role("button", name="Close"))
+    page.keyboard.press("Enter")
     expect(page.locator(".replay")).to_be_hidden()
 
 

@@ -55,6 +55,7 @@ function isShelved(alarm) {
 // ends stays until then.
 class Order {
   constructor(body) {
+    this.body = body;
     this.by = new Set(); // what holds them
     this.ids = [];
     this.last = new Map(); // by id, as it was shown last
@@ -65,8 +66,14 @@ class Order {
     body.addEventListener("focusout", (event) => { if (!body.contains(event.relatedTarget)) this.release("focus"); });
   }
 
+  // Not at once: a row that is taken out with the focus in it says so while the rows are being changed.
   release(what) {
-    if (this.by.delete(what)) this.changed();
+    if (this.by.delete(what)) queueMicrotask(() => this.changed());
+  }
+
+  // What had the focus may be gone, which no event says.
+  look() {
+    if (!this.body.contains(document.activeElement)) this.release("focus");
   }
 
   of(alarms) {
@@ -74,6 +81,16 @@ class Order {
     this.ids = [...new Set([...kept, ...alarms.map((alarm) => alarm.id)])];
     this.last = new Map(this.ids.map((id) => [id, live.alarms.get(id) ?? this.last.get(id)]));
     return [...this.last];
+  }
+
+  // Parts that somebody opens, or closes, come and go at once, below their alarm: they are what the click was for.
+  open(id, ids) {
+    this.close(ids);
+    this.ids.splice(this.ids.indexOf(id) + 1, 0, ...ids);
+  }
+
+  close(ids) {
+    this.ids = this.ids.filter((each) => !ids.includes(each));
   }
 
   // One that has ended is told once, and is no longer in the list.
@@ -138,13 +155,23 @@ function alarmTable(place) {
         setText(by, alarm.acknowledged ? `${alarm.by}, ${time(alarm.acknowledged)}` : "–");
         row.classList.toggle("unacknowledged", !alarm.acknowledged);
         const over = !live.alarms.has(id);
-        const show = () => { if (!opened.delete(id)) opened.add(id); update(); };
+        const show = () => {
+          if (opened.delete(id)) order.close(under(id).map((each) => each.id));
+          else {
+            opened.add(id);
+            order.open(id, under(id).map((each) => each.id));
+          }
+          update();
+        };
         const partsButton = () => (many ? [h("button", { class: "small", "aria-expanded": String(opened.has(id)), onclick: show }, t("parts", { n: many }))] : []);
+        const focused = act.contains(document.activeElement);
         fill(act, `${Boolean(alarm.acknowledged)}${shelved}${over}${many}${opened.has(id)}`, () => (live.may("operator") && !over ? [
           ...partsButton(),
           ...(alarm.acknowledged ? [] : [h("button", { class: "small main", onclick: () => doing(`alarms/${id}/acknowledge`, {}) }, t("acknowledge"))]),
           h("button", { class: "small", "aria-haspopup": shelved ? undefined : "dialog", onclick: () => (shelved ? doing(`alarms/${id}/shelve`, { minutes: 0 }) : shelve(id)) }, t(shelved ? "unshelve" : "shelve")),
         ] : partsButton()));
+        // Who acts by keys goes on in the same row.
+        if (focused && !act.contains(document.activeElement)) act.querySelector("button")?.focus();
       },
     };
   });
@@ -158,6 +185,9 @@ function alarmTable(place) {
     modal(dialog);
   }
 
+  const withParts = (alarm) => [alarm, ...(opened.has(alarm.id) ? under(alarm.id) : [])];
+  const under = (id) => [...(parts.get(id) ?? [])].sort(byUrgency).flatMap(withParts);
+
   function fits(alarm) {
     const wanted = search.value.toLocaleLowerCase();
     return !wanted || `${live.stations.get(alarm.station)?.name ?? ""} ${words(alarm)}`.toLocaleLowerCase().includes(wanted);
@@ -167,7 +197,6 @@ function alarmTable(place) {
     const all = [...live.alarms.values()];
     const shelved = all.filter(isShelved);
     parts = Map.groupBy(all.filter((alarm) => alarm.suppressed_by), (alarm) => alarm.suppressed_by);
-    const withParts = (alarm) => [alarm, ...(opened.has(alarm.id) ? (parts.get(alarm.id) ?? []).sort(byUrgency).flatMap(withParts) : [])];
     const shown = all.filter((alarm) => !alarm.suppressed_by && (withShelved || !isShelved(alarm)) && (fits(alarm) || parts.get(alarm.id)?.some(fits)))
       .sort(byUrgency).flatMap(withParts);
     rows.show(order.of(shown));
@@ -184,6 +213,7 @@ function alarmTable(place) {
     const fresh = known ? [...active].filter((id) => !known.has(id)).length : 0;
     if (fresh) setText(news, t("new_alarms", { n: fresh }));
     known = active;
+    order.look();
   }
   const unwatch = live.watch((changes) => {
     order.take(changes.alarms);

@@ -167,8 +167,8 @@ export class Rows {
     const wanted = new Set(places.map((place) => this.entries[place][0]));
     for (const [key, row] of this.rows) {
       if (!wanted.has(key)) {
-        row.element.remove();
         this.rows.delete(key);
+        row.element.remove();
       }
     }
     for (const gap of this.parent.querySelectorAll(":scope > .gap")) gap.remove();

@@ -41,7 +41,8 @@ function languages(whenChosen) {
 
 function zoneChoice(whenChosen) {
   const options = Object.entries(zones()).map(([which, name]) => h("option", { value: which, selected: which === chosenZone() }, t(`zone_${which}`, { name })));
-  const select = h("select", { id: "zone", "aria-label": t("zone"), title: t("zone") }, ...options);
+  const name = t(`zone_${chosenZone()}`, { name: zones()[chosenZone()] }); // where there is no room for it
+  const select = h("select", { id: "zone", "aria-label": t("zone"), title: `${t("zone")}: ${name}` }, ...options);
   select.addEventListener("change", () => {
     localStorage.setItem("zone", select.value);
     whenChosen();
