@@ -20,7 +20,7 @@ import tempfile
 import time
 from collections.abc import AsyncIterator, Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import aiohttp
 from store import PASSWORD, STARTS_S, USER, told
@@ -29,10 +29,14 @@ from bench import machine
 from lab.gateway import REPOSITORY, free_port
 
 sys.path.insert(0, str(REPOSITORY))
+from openrtu_tools.centre import postgres
 from openrtu_tools.centre.database import open_store
 from openrtu_tools.centre.errors import CentreError
 from openrtu_tools.centre.rollup import Rollup
 from openrtu_tools.centre.store import Database, Store
+
+if TYPE_CHECKING:
+    from postgres import Server
 
 YEARS = 3
 YEAR_NS = 31_557_600 * 10**9
@@ -45,7 +49,9 @@ TRIES = 9
 
 FILL = """
     INSERT INTO history (point, at_ns, received_ns, value, quality, cause, tagged)
-    WITH RECURSIVE numbers(n) AS (SELECT {first} UNION ALL SELECT n + 1 FROM numbers WHERE n < {last})
+    WITH RECURSIVE numbers(n) AS (
+        SELECT CAST({first} AS BIGINT) UNION ALL SELECT n + 1 FROM numbers WHERE n < {last}
+    )
     SELECT CASE n % 2 WHEN 0 THEN 1 ELSE 2 + n / 2 % {others} END, {begin} + n * {step}, {begin} + n * {step},
         n * 7919 % 10007 / 10.0, CASE WHEN n / 50000 % 10 = 9 THEN 128 ELSE 0 END, 3, 1
     FROM numbers ORDER BY n
@@ -178,10 +184,24 @@ async def ask(port: int, now_ms: int, seconds: float, say: Any) -> None:
         say(await beside_files(session, now_ms, seconds))
 
 
+def started() -> Server:
+    sys.path.insert(0, str(REPOSITORY / "tests" / "centre"))
+    from postgres import Server  # of the tests
+
+    return Server()
+
+
+def octets(server: Server | None, folder: Path) -> int:
+    if not server:
+        return (folder / "centre.db").stat().st_size
+    return int(server.rows("SELECT pg_database_size(current_database())")[0][0])
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description="The control centre on a long history.")
     parser.add_argument("--rows", type=int, default=10_000_000, help="of the history (default %(default)s)")
     parser.add_argument("--output", type=Path, default=REPOSITORY / "build", help="folder for the text")
+    parser.add_argument("--postgresql", action="store_true", help="on a server of its own [SQLite]")
     arguments = parser.parse_args()
     rows = arguments.rows
     lines: list[str] = []
@@ -192,19 +212,28 @@ def main() -> int:
 
     say(f"{machine()}; load {os.getloadavg()[0]:.1f}; {datetime.date.today()}.")
     try:
-        with tempfile.TemporaryDirectory(prefix="history-") as name:
-            folder, port = Path(name), free_port()
+        with contextlib.ExitStack() as held:
+            folder, port = (
+                Path(held.enter_context(tempfile.TemporaryDirectory(prefix="history-"))),
+                free_port(),
+            )
+            server = held.enter_context(started()) if arguments.postgresql else None
+            where = server.new_database() if server else folder / "centre.db"
             file = folder / "centre.json"
             of_one = {"name": "rtu1", "address": "127.0.0.1", "common_addresses": [1]}
-            file.write_text(json.dumps({"stations": [of_one], "centre": {"port": port}}))
+            centre = {"port": port, "database": str(where)}
+            file.write_text(json.dumps({"stations": [of_one], "centre": centre}))
             told(file, "user", USER, stdin=PASSWORD)
             now_ns = time.time_ns()
-            with contextlib.closing(open_store(folder / "centre.db", alone=True)) as store:
+            postgres.WEEKS_BACK = YEARS * 53  # as if it had run since then
+            with contextlib.closing(open_store(where, alone=True)) as store:
                 begun = time.monotonic()
                 fill(store, rows, now_ns - YEARS * YEAR_NS)
                 filled = time.monotonic() - begun
+                if server:
+                    server.rows("ANALYZE")  # as its own processes do by and by
                 whole, longest = sum_up(store)
-            size = (folder / "centre.db").stat().st_size / 2**20
+            size = octets(server, folder) / 2**20
             say(
                 f"{rows} rows in {filled:.0f} s, {size:.0f} MiB; summed up from nothing in {whole:.0f} s,"
                 f" {longest * 1e3:.0f} ms at a time"
@@ -215,7 +244,8 @@ def main() -> int:
         print(f"the bench ended early: {error}", file=sys.stderr)
         return 1
     arguments.output.mkdir(parents=True, exist_ok=True)
-    (arguments.output / "history.txt").write_text("\n\n".join(lines) + "\n")
+    name = "history-postgresql.txt" if arguments.postgresql else "history.txt"
+    (arguments.output / name).write_text("\n\n".join(lines) + "\n")
     return 0
 
 

@@ -6,6 +6,9 @@ With OPENRTU_FIGURES=docs/figures it takes the pictures of that page, too.
 
 from __future__ import annotations
 
+import csv
+import io
+import math
 import os
 import time
 from collections.abc import Iterator
@@ -32,12 +35,32 @@ PLANT = """ca,ioa,type,command_type,name,unit,select,high,state,priority
 1,5,M_SP_NA_1,,door.open,,,,1,3
 """
 VAN = "ca,ioa,type,name\n1,1,,van.position\n"
+SAVA = "pumping station Sava"
 PLANTS = {
-    "pumping station Sava": (44.80, 20.43), "pumping station Dunav": (44.85, 20.52),
+    SAVA: (44.80, 20.43), "pumping station Dunav": (44.85, 20.52),
     "pumping station Tamiš": (44.87, 20.64), "reservoir Avala": (44.69, 20.52),
     "reservoir Zvezdara": (44.80, 20.51), "waterworks Makiš": (44.76, 20.36),
 }  # fmt: skip
 ROAD = [(44.79 + 0.004 * step, 20.40 + 0.009 * step) for step in range(12)]
+
+
+PICTURE = f"""<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 320 180"><title>{SAVA}</title>
+<path d="M20 150H120M180 150H230" fill="none" stroke="#8a98a5" stroke-width="4"/>
+<rect x="230" y="30" width="60" height="130" rx="3" fill="none" stroke="#54616e" stroke-width="2"/>
+<rect x="233" y="33" width="54" height="124" data-point="{SAVA}/tank.level" data-level="0: 0; 5: 1"
+  data-fill="..4.5: #3b7fc4; else: bad"/>
+<text x="260" y="24" font-size="12" text-anchor="middle" data-point="{SAVA}/tank.level"
+  data-text="{{value:1}} m"/>
+<g id="pump" data-point="{SAVA}/pump.run" data-command="">
+  <circle cx="150" cy="150" r="22" fill="none" stroke="#54616e" stroke-width="2"
+    data-fill="1: good; 0: panel"/>
+  <path d="M138 162V138L166 150Z" fill="#54616e"/>
+  <text x="150" y="116" font-size="12" text-anchor="middle"
+    data-words="1: runs; 0: stands"/>
+</g>
+<text x="24" y="60" font-size="12" data-point="{SAVA}/door.open" data-words="1: door open; 0: door closed"/>
+</svg>
+"""
 
 
 def take(page: Page, name: str) -> None:
@@ -72,12 +95,19 @@ def site(
 ) -> Iterator[Site]:
     assert PAGE.is_dir(), "the page is not built: make centre-page"
     folder = tmp_path_factory.mktemp("day")
+    (folder / "pictures").mkdir()
+    (folder / "pictures" / "sava.svg").write_text(PICTURE)
     here = [
         described(plants[name], folder, name, PLANT, group="water", location=list(place))
         for name, place in PLANTS.items()
     ]
     here.append(described(van, folder, "van 7", VAN, group="vans"))
     with Site(programs, folder, here, PAGE, centre={"zone": ZONE}) as started:
+        evening = [
+            measured(now_ms() - 60_000 * minute, 2.4 + 0.4 * math.sin(minute / 8))
+            for minute in range(55, 0, -1)
+        ]
+        stations.keep(plants[SAVA], 4, M_ME_TF_1, evening)
         for each in plants.values():
             stations.say(each, 2, M_SP_TB_1, single(now_ms(), False))
             stations.say(each, 4, M_ME_TF_1, measured(now_ms(), 2.4))
@@ -85,9 +115,17 @@ def site(
         for number, place in enumerate(ROAD):
             at = now_ms() - 10_000 * (len(ROAD) - number)
             stations.say(van, 1, POSITION, position(at, *place, 90))
-        client = started.client("vera")
+        client = started.client("olga")
+
+        def calm() -> bool:
+            """It was away for a moment, to have something to tell."""
+            ids = [each["id"] for each in client.get("/api/alarms")]
+            client.post("/api/alarms/acknowledge", {"ids": ids})
+            return not client.get("/api/alarms")
+
         wanted = 3 * len(plants) + 1
         until(lambda: len([each for each in client.get("/api/points") if each["at"]]) >= wanted, "the points")
+        until(calm, "no alarm is left")
         yield started
 
 
@@ -146,7 +184,7 @@ def test_a_night_of_an_operator(
 
     # A pump is started, with a selection before.
     page.locator("nav a[href='#points']").click()
-    page.locator(".side .list button", has_text="pumping station Sava").click()
+    page.locator(".side .list button", has_text=SAVA).click()
     page.locator("tr", has_text="pump.run").get_by_role("button", name="Command").click()
     page.locator("dialog .choices button").nth(1).click()
     page.get_by_role("button", name="Select", exact=True).click()
@@ -154,10 +192,51 @@ def test_a_night_of_an_operator(
     take(page, "selected")
     page.get_by_role("button", name="Execute").click()
     expect(page.locator("dialog .outcome")).to_have_class("outcome good")
-    assert plants["pumping station Sava"].commanded[-1] == (2, 1)
+    assert plants[SAVA].commanded[-1] == (2, 1)
     page.keyboard.press("Escape")
     for each in plants.values():
         stations.say(each, 4, M_ME_TF_1, measured(now_ms(), 3.1))
+
+    # What it did, on the plant's picture; enough has run off, so the pump is stopped from there.
+    stations.say(plants[SAVA], 2, M_SP_TB_1, single(now_ms(), True))
+    page.locator("nav a[href='#pictures']").click()
+    pump = page.locator(".drawing #p-pump")
+    expect(pump.locator("text")).to_have_text("runs")
+    expect(page.locator(".drawing text", has_text="3.1 m")).to_be_visible()
+    take(page, "picture")
+    pump.click()
+    page.locator("dialog .choices button").nth(0).click()
+    page.get_by_role("button", name="Select", exact=True).click()
+    page.get_by_role("button", name="Execute").click()
+    expect(page.locator("dialog .outcome")).to_have_class("outcome good")
+    assert plants[SAVA].commanded[-1] == (2, 0)
+    page.keyboard.press("Escape")
+    stations.say(plants[SAVA], 2, M_SP_TB_1, single(now_ms(), False))
+    expect(pump.locator("text")).to_have_text("stands")
+
+    # How the level went: closer by a key, read at the cursor, and as a file.
+    page.locator("nav a[href='#trends']").click()
+    page.locator(".side .list button", has_text=SAVA).click()
+    page.locator(".side .list .inner button", has_text="tank.level").click()
+    level = page.locator("tr[data-point]", has_text="tank.level")
+    expect(level).to_contain_text("3.1 m")
+    page.locator(".trend").focus()
+    before = page.url
+    page.keyboard.press("+")
+    page.wait_for_function("(before) => location.href !== before", arg=before)
+    over = page.locator(".u-over").bounding_box()
+    assert over
+    page.mouse.move(over["x"] + over["width"] / 2, over["y"] + over["height"] / 2)
+    expect(level).not_to_contain_text("3.1 m")
+    expect(level).to_contain_text("good")
+    take(page, "trend")
+    page.get_by_role("button", name="Hour").click()
+    expect(page.get_by_role("button", name="Hour")).to_have_attribute("aria-pressed", "true")
+    with page.expect_download() as got:
+        page.get_by_role("link", name="CSV").click()
+    last = [float(row["last"]) for row in csv.DictReader(io.StringIO(Path(got.value.path()).read_text()))]
+    assert len(last) > 50
+    assert (max(last), last[-1]) == (pytest.approx(4.9), pytest.approx(3.1))
 
     # The van is in a tunnel: its last place stays, and is told to be invalid.
     page.keyboard.press("1")
@@ -191,7 +270,10 @@ def test_a_night_of_an_operator(
     page.get_by_role("button", name="Past alarms").click()
     expect(page.locator("tbody tr", has_text="door.open")).to_have_count(len(plants))
     page.get_by_role("button", name="Commands").click()
-    expect(page.locator("tbody tr", has_text="pump.run")).to_contain_text("Executed")
+    commands = page.locator("tbody tr", has_text="pump.run")
+    expect(commands).to_have_count(2)
+    for number in range(2):
+        expect(commands.nth(number)).to_contain_text("Executed")
     page.get_by_role("button", name="Events").click()
     expect(page.locator("tbody tr", has_text="tank.level").first).to_be_visible()
     take(page, "events")
