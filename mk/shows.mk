@@ -48,6 +48,7 @@ bench: build .compared qemu uboot build/root/gateway-tls.done build/net-snmp-age
 	$(MAKE) bench-polls
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/store.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/history.py
+	PYTHONPATH=scripts $(PYTHON) $(BENCH)/beside.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/logic_scans.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/reload.py
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/module_scans.py

@@ -23,7 +23,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import aiohttp
-from store import PASSWORD, STARTS_S, USER, told
+from polls import PollError
+from store import PASSWORD, USER, log_in, told
 
 from bench import machine
 from lab.gateway import REPOSITORY, free_port
@@ -102,20 +103,11 @@ def serving(file: Path) -> Iterator[None]:
 
 @contextlib.asynccontextmanager
 async def page(address: str) -> AsyncIterator[aiohttp.ClientSession]:
-    end = time.monotonic() + STARTS_S
     whole = aiohttp.ClientTimeout(total=None)
     async with aiohttp.ClientSession(
         address, cookie_jar=aiohttp.CookieJar(unsafe=True), timeout=whole
     ) as session:
-        while True:
-            try:
-                async with session.post("/api/login", json={"name": USER, "password": PASSWORD}) as response:
-                    response.raise_for_status()
-                    break
-            except aiohttp.ClientConnectionError:
-                if time.monotonic() > end:
-                    raise
-                await asyncio.sleep(0.1)
+        await log_in(session, "")
         yield session
 
 
@@ -240,7 +232,7 @@ def main() -> int:
             )
             with serving(file):
                 asyncio.run(ask(port, now_ns // 10**6, ASKED_S, say))
-    except (OSError, CentreError, aiohttp.ClientError, TimeoutError) as error:
+    except (OSError, PollError, CentreError, aiohttp.ClientError, TimeoutError) as error:
         print(f"the bench ended early: {error}", file=sys.stderr)
         return 1
     arguments.output.mkdir(parents=True, exist_ok=True)

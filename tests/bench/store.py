@@ -165,21 +165,28 @@ class Seen:
     octets: int = 0
 
 
+async def log_in(session: aiohttp.ClientSession, address: str) -> None:
+    """Once the centre answers; with many at once, when it is one's turn."""
+    end = time.monotonic() + STARTS_S
+    while True:
+        try:
+            body = {"name": USER, "password": PASSWORD}
+            async with session.post(f"{address}/api/login", json=body) as response:
+                if response.status == 200:
+                    return
+                said = await response.text()
+        except aiohttp.ClientConnectionError as error:
+            said = str(error)
+        if time.monotonic() > end:
+            raise PollError(f"nobody gets in: {said}")
+        await asyncio.sleep(0.1)
+
+
 async def watch(port: int, count: int, seconds: float) -> tuple[Seen, int, int]:
     """A page at the map: how old a position is when it comes; the times between which that was, in ns."""
-    address, end = f"http://127.0.0.1:{port}", time.monotonic() + STARTS_S
+    address = f"http://127.0.0.1:{port}"
     async with aiohttp.ClientSession(cookie_jar=aiohttp.CookieJar(unsafe=True)) as session:
-        while True:
-            try:
-                async with session.post(
-                    f"{address}/api/login", json={"name": USER, "password": PASSWORD}
-                ) as response:
-                    response.raise_for_status()
-                    break
-            except aiohttp.ClientConnectionError as error:
-                if time.monotonic() > end:
-                    raise PollError(f"the centre does not answer: {error}") from error
-                await asyncio.sleep(0.1)
+        await log_in(session, address)
         async with session.ws_connect(f"{address}/api/stream", max_msg_size=0) as socket:
             await socket.send_json({"view": "map"})
             known: set[int] = set()
