@@ -219,8 +219,8 @@ static size_t begin_for_turn(struct modbus_line *line, int64_t now_ns)
 
 static size_t begin_scan(struct modbus_line *line, int64_t now_ns)
 {
-	/* One more than there are devices: the first may only have to end its scan. */
-	for (uint32_t tried = 0; tried <= line->device_count && line->device_count > 0; tried++) {
+	/* Each twice: it may only have to end its scan, with a read that went ahead while it rested. */
+	for (uint32_t tried = 0; tried < 2 * line->device_count; tried++) {
 		size_t length = begin_for_turn(line, now_ns);
 
 		if (length > 0)
