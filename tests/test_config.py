@@ -940,6 +940,7 @@ def test_schema_has_no_keyword_of_its_own() -> None:
     assert used <= core | applied | asserted | numbers
 
 
+@pytest.mark.slow  # Node.js comes with what builds the centre's page
 def test_patterns_are_regular_expressions_of_javascript() -> None:
     """With the flag u, which JSON Schema wants: it refuses escapes that mean nothing."""
     patterns = sorted({rule["pattern"] for rule in schemas(SCHEMA) if "pattern" in rule})
