@@ -27,6 +27,7 @@ SHOWN_S, DEAD_S = 10.0, 15.0
 BACK_S = 40.0  # a dead device rests for 20 times what its last request cost, and what its death did
 TRIES = 4
 WRITE_REGISTER = 6
+ILLEGAL_FUNCTION = 1
 OF_THE_MOMENT = {5, 6, 10, 11}
 COUNTERS = (
     "exceptions",
@@ -286,7 +287,7 @@ def test_exceptions(substation: Substation) -> None:
     in_peace(line, refuse)
 
 
-@pytest.mark.parametrize("exception", EXCEPTIONS)
+@pytest.mark.parametrize("exception", EXCEPTIONS[1:])
 def test_exception_to_a_command(substation: Substation, exception: int) -> None:
     line = Line(REFUSING, substation)
     line.fault(exception, "exception", exception, WRITE_REGISTER, count=1)
@@ -294,6 +295,15 @@ def test_exception_to_a_command(substation: Substation, exception: int) -> None:
         line.gateway.ctl("set", f"p{REFUSING}.{exception}.h0", "1")
     line.wait_answered(exception)
     assert line.qualities(exception) == {"good"}
+
+
+def test_a_device_that_does_not_know_the_function_is_written_by_the_other(substation: Substation) -> None:
+    line, device = Line(REFUSING, substation), EXCEPTIONS[0]
+    line.fault(device, "exception", ILLEGAL_FUNCTION, WRITE_REGISTER, count=1)
+    line.gateway.ctl("set", f"p{REFUSING}.{device}.h0", str(held(device, 0)))
+    line.wait_answered(device)
+    assert line.qualities(device) == {"good"}
+    assert f"does not know function {WRITE_REGISTER}" in line.gateway.log(1000)
 
 
 # ---- the line itself --------------------------------------------------------------------------------

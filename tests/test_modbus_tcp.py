@@ -336,7 +336,7 @@ def test_peer_that_hangs_up_behind_each_answer_is_good(programs: Path) -> None:
         assert port_log(gateway, 7) == ["is connected"]
         assert "is dead" not in gateway.log(1000)
         row = counters(gateway, 7)
-        assert (row["port_errors"], row["timeouts"], row["open"]) == (0, 0, True)
+        assert (row["port_errors"], row["open"]) == (0, True)
         assert row["closes"] >= 20
 
 
