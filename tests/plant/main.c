@@ -52,13 +52,14 @@ struct start {
 
 static struct plant *plant;
 static struct start starts[PLANT_PROCESSES];
-static char library[PATH_MAX], shared_path[PATH_MAX];
+static char library[PATH_MAX], shared_path[PATH_MAX], link_path[PATH_MAX + 4];
 static FILE *trace;
 
 __attribute__((noreturn)) static void give_up(enum exit_code code, const char *what, const char *why)
 {
 	fprintf(stderr, "plant: %s: %s\n", what, why);
 	unlink(shared_path);
+	unlink(link_path);
 	exit(code);
 }
 
@@ -193,7 +194,7 @@ static void redirect(const char *path, int fd, int flags)
 /* The same addresses each time; of the environment nothing but what the plant says. */
 __attribute__((noreturn)) static void execute(uint32_t process)
 {
-	char preload[PATH_MAX + 16], shared[PATH_MAX + 16], number[32];
+	char preload[PATH_MAX + 20], shared[PATH_MAX + 16], number[32];
 	const char *const environment[] = {preload,
 					   shared,
 					   number,
@@ -205,7 +206,7 @@ __attribute__((noreturn)) static void execute(uint32_t process)
 					   NULL};
 	char **words = starts[process].words;
 
-	snprintf(preload, sizeof(preload), "LD_PRELOAD=%s", library);
+	snprintf(preload, sizeof(preload), "LD_PRELOAD=%s", link_path);
 	snprintf(shared, sizeof(shared), PLANT_SHARED_VARIABLE "=%s", shared_path);
 	snprintf(number, sizeof(number), PLANT_PROCESS_VARIABLE "=%u", process);
 	redirect("/dev/null", STDIN_FILENO, O_RDONLY);
@@ -227,6 +228,14 @@ static void wait_attached(uint32_t process)
 			give_up(FAILED, starts[process].words[5], "it ended before it was in the plant");
 		nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
 	}
+}
+
+/* The loader takes a blank or a colon of a path for the end of a name. */
+static void link_library(void)
+{
+	snprintf(link_path, sizeof(link_path), "%s.so", shared_path);
+	if (symlink(library, link_path) != 0)
+		give_up(FAILED, link_path, strerror(errno));
 }
 
 static void start_all(void)
@@ -332,6 +341,7 @@ static enum exit_code run(const char *world, const char *trace_path, uint64_t se
 	make_shared(seed);
 	read_world(world);
 	prctl(PR_SET_CHILD_SUBREAPER, 1);
+	link_library();
 	start_all();
 	plant_pass(plant, PLANT_RUNNER);
 	code = watch();
@@ -339,6 +349,7 @@ static enum exit_code run(const char *world, const char *trace_path, uint64_t se
 	write_trace();
 	fclose(trace);
 	unlink(shared_path);
+	unlink(link_path);
 	return code;
 }
 
