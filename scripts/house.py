@@ -16,7 +16,8 @@ import sys
 from collections import Counter, defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import Path, PurePath
+from tempfile import TemporaryDirectory
 
 ROOT = Path(__file__).resolve().parent.parent
 SRC = "package/openrtu/src/"
@@ -41,16 +42,28 @@ class Function:
     body: tuple[str, ...]
 
 
-def files(root: Path) -> list[PurePosixPath]:
-    listed = subprocess.run(["git", "-C", root, "ls-files", "-z"], capture_output=True, text=True, check=True)
-    return [PurePosixPath(name) for name in listed.stdout.split("\0") if name and (root / name).is_file()]
+def git_files(root: Path) -> list[Path]:
+    """Every file of the tree, also one not yet added, without what .gitignore leaves out."""
+    if (root / ".git").exists():
+        return _listed(root, root / ".git")
+    with TemporaryDirectory() as folder:  # a release's tarball: an empty repository reads .gitignore
+        subprocess.run(["git", "init", "--quiet", "--bare", folder], check=True)
+        return _listed(root, Path(folder))
 
 
-def kind_of(path: PurePosixPath) -> str:
+def _listed(root: Path, repository: Path) -> list[Path]:
+    # A checkout that another user owns, as in a container, is no reason to stop.
+    git = ["git", "-c", "safe.directory=*", f"--git-dir={repository}", f"--work-tree={root}"]
+    command = [*git, "ls-files", "-z", "-co", "--exclude-standard"]
+    names = subprocess.run(command, cwd=root, check=True, capture_output=True, text=True).stdout.split("\0")
+    return sorted({Path(name) for name in names if name and (root / name).is_file()})
+
+
+def kind_of(path: PurePath) -> str:
     return next(kind for kind, patterns in KINDS if any(_fits(path, pattern) for pattern in patterns))
 
 
-def _fits(path: PurePosixPath, pattern: str) -> bool:
+def _fits(path: PurePath, pattern: str) -> bool:
     """`*` stands for folders, too."""
     words = re.split(r"(\*|\[\w+\])", pattern)
     regular = "".join(".*" if word == "*" else word if word[:1] == "[" else re.escape(word) for word in words)
@@ -111,7 +124,7 @@ def unused(build: Path) -> list[str]:
 def told(root: Path, build: Path) -> Iterator[str]:
     lines: Counter[str] = Counter()
     c, python, long_files = [], [], []
-    for path in files(root):
+    for path in git_files(root):
         try:
             text = (root / path).read_text(encoding="utf-8")
         except UnicodeDecodeError:

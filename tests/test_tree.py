@@ -11,9 +11,10 @@ import sys
 import tomllib
 from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import pytest
+
+from house import git_files
 
 ROOT = Path(__file__).resolve().parent.parent
 THIS = Path("tests/test_tree.py")
@@ -43,23 +44,6 @@ PLACE = re.compile(
     r"|\b(?:registry\.npmjs\.org|crates\.io|docker\.io|ghcr\.io|proxy\.golang\.org)\b"
 )
 ON_BOARD = Path("tests/linux")
-
-
-def git_files(root: Path) -> list[Path]:
-    """Every file of the tree, also one not yet added, without what .gitignore leaves out."""
-    if (root / ".git").exists():
-        return listed_files(root, root / ".git")
-    with TemporaryDirectory() as folder:  # a release's tarball: an empty repository reads .gitignore
-        subprocess.run(["git", "init", "--quiet", "--bare", folder], check=True)
-        return listed_files(root, Path(folder))
-
-
-def listed_files(root: Path, repository: Path) -> list[Path]:
-    # A checkout that another user owns, as in a container, is no reason to stop.
-    git = ["git", "-c", "safe.directory=*", f"--git-dir={repository}", f"--work-tree={root}"]
-    command = [*git, "ls-files", "-z", "-co", "--exclude-standard"]
-    names = subprocess.run(command, cwd=root, check=True, capture_output=True, text=True).stdout.split("\0")
-    return sorted({Path(name) for name in names if name and (root / name).is_file()})
 
 
 FILES = git_files(ROOT)
