@@ -2,6 +2,7 @@
 """br2-external/external.mk changes what Buildroot does for our boards, and for no other."""
 
 import os
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -59,13 +60,16 @@ source/.stamp_built: source/.stamp_patched
 	$(foreach hook,$({package}_PRE_BUILD_HOOKS),$(call $(hook)))
 	touch $@
 """
+PORTS = ("board/nuc980/linux", "board/nuc980/u-boot")
 VENDOR = next(each.name for each in (ROOT / "patches/linux").iterdir() if len(each.name) == 40)
 
 
 def laid_over(folder: Path, config: str, package: str) -> dict[str, set[str]]:
     """What a package's source and the sources of legal-info get: their files."""
-    external = folder / "br2-external"
-    external.symlink_to(ROOT / "br2-external")
+    for name in ("br2-external", *PORTS, "patches"):  # a copy: Buildroot takes no path with a blank
+        shutil.copytree(ROOT / name, folder / "tree" / name, symlinks=True)
+    (folder / "tree/package/openrtu").mkdir(parents=True)
+    external = folder / "tree/br2-external"
     built = f"{package}_REDIST_SOURCES_DIR = legal\n{package}_TARGET_BUILD = source/.stamp_built\n"
     makefile = folder / "Makefile"
     makefile.write_text(
@@ -132,7 +136,7 @@ def test_a_driver_that_changes_is_built_again(tmp_path: Path, package: str, fold
     files = [path for path in source.rglob("[!.]*") if path.is_file()]
     for path in files:
         os.utime(path, (1, 1))
-    ours = ROOT / "board/nuc980" / folder / driver
+    ours = tmp_path / "tree/board/nuc980" / folder / driver
     make(tmp_path, "--what-if", str(ours), "source/.stamp_built")
     assert [str(path.relative_to(source)) for path in files if path.stat().st_mtime != 1] == [driver]
     assert (source / driver).read_text() == ours.read_text()
