@@ -1,4 +1,3 @@
-#!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Writes what is made of the rules of configurations: the JSON Schema, which rtud --schema prints, and
 from it the tables of docs/configuration.md; those of docs/centre.md from rtu-centre --schema, and those of

@@ -35,6 +35,7 @@ ON_BOARD = (  # the gateway there
 )
 NETBOOT = "test-netboot tests/twin/test_uboot.py test-linux test-bench"  # who boots over the debug UART
 TREE = "tests/test_tree.py"  # it reads every file
+CONFIG = "tests/test_config.py tests/test_config_schema.py"
 CODES = "tests/test_codes.py tests/test_codes_added.py"  # what is made from C's numbers
 KEYS = "tests/test_key_added.py"  # what is made of the rules of the configuration
 PIP = "lint tests/test_pip_install.py tests/test_tools_mistakes.py"
@@ -52,20 +53,20 @@ REACH = [
     ("scripts/site-source.py", f"lint {SITE}"),
     ("docs/site/*", SITE),
     ("docs/security.md", "tests/test_entrances.py"),
-    ("docs/configuration.md", f"tests/test_config.py {CODES} {KEYS}"),
+    ("docs/configuration.md", f"{CONFIG} {CODES} {KEYS}"),
     ("docs/development.md", f"tests/test_codes_added.py {KEYS}"),
     ("docs/first-device.md", "tests/test_docs_commands.py"),
     (
         "docs/examples/first-device.json",
-        "tests/test_config.py tests/test_points.py tests/test_docs_commands.py",
+        f"{CONFIG} tests/test_points.py tests/test_docs_commands.py",
     ),
     ("docs/limit.md", "tests/test_config.py"),
     ("docs/interoperability.md", "tests/test_interoperability.py"),
     ("docs/faults.md", "tests/test_line_faults.py"),
     ("docs/telecontrol.md", "tests/test_event_journal.py tests/test_retained.py tests/test_station_tls*.py"),
     ("docs/positioning.md", "tests/test_station_position.py"),
-    ("docs/centre.md", f"tests/test_centre.py tests/test_config.py {CODES} {KEYS}"),
-    ("docs/control-centre.md", f"test-centre tests/test_config.py {KEYS}"),
+    ("docs/centre.md", f"tests/test_centre.py {CONFIG} {CODES} {KEYS}"),
+    ("docs/control-centre.md", f"test-centre {CONFIG} {KEYS}"),
     ("docs/operators-day.md", "tests/centre/test_operators_day.py"),
     ("docs/process-pictures.md", "tests/centre/test_centre_picture_check.py"),
     ("docs/examples/pictures/*", "tests/centre/test_centre_picture_check.py"),
@@ -102,7 +103,7 @@ REACH = [
         "tests/test_debian_packages.py tests/test_logic*.py tests/test_plant.py tests/test_show.py",
     ),
     ("docs/examples/*.dts", "tests/pins/test_picture.py tests/test_pip_install.py"),
-    ("docs/examples/*.json", "tests/test_config.py tests/test_points.py tests/test_pip_install.py"),
+    ("docs/examples/*.json", f"{CONFIG} tests/test_points.py tests/test_pip_install.py"),
     ("*.md", f"{TREE} tests/test_pages.py"),
     ("LICENSES/*", TREE),
     ("REUSE.toml", TREE),
@@ -128,7 +129,7 @@ REACH = [
     (
         "package/openrtu/src/*web/*",
         f"{C} fuzzers {ON_BOARD} tests/test_web.py tests/centre/test_web_page.py"
-        " tests/test_config.py tests/test_fuzz.py tests/test_installation.py",
+        f" {CONFIG} tests/test_fuzz.py tests/test_installation.py",
     ),
     ("package/openrtu/src/*", f"{C} fuzzers {DESK} {ON_BOARD}"),
     (
@@ -143,7 +144,7 @@ REACH = [
     ("centre/codes.py", f"{PIP} test-centre {CODES} tests/test_centre.py tests/test_position_object.py"),
     (
         "centre/settings.py",
-        f"{PIP} test-centre tests/test_config.py tests/bench/test_store.py {CODES} {KEYS}",
+        f"{PIP} test-centre {CONFIG} tests/bench/test_store.py {CODES} {KEYS}",
     ),
     ("centre/apdu.py", f"{PIP} test-centre tests/test_asdu_decoders.py"),
     ("centre/*", f"{PIP} test-centre tests/bench/test_store.py {CODES}"),
@@ -158,9 +159,9 @@ REACH = [
         " tests/test_reload_settings.py tests/test_synch.py tests/test_docs_commands.py"
         " tests/test_event_journal.py tests/test_many_modules.py",
     ),
-    ("scripts/keys.py", f"lint tests/test_config.py tests/test_codes_added.py {KEYS}"),
+    ("scripts/keys.py", f"lint {CONFIG} tests/test_codes_added.py {KEYS}"),
     ("scripts/block-plots.py", "lint tests/test_logic_blocks.py"),
-    ("scripts/openrtu_tools/points.py", f"{PIP} tests/test_points.py tests/test_config.py"),
+    ("scripts/openrtu_tools/points.py", f"{PIP} tests/test_points.py {CONFIG}"),
     ("scripts/openrtu_tools/codes.py", f"{PIP} test-centre {CODES} tests/test_logic*.py tests/test_snmp.py"),
     ("scripts/openrtu_tools/scl.py", f"{PIP} tests/test_iec61850_cid.py"),
     ("scripts/openrtu_tools/snmp_keys.py", f"{PIP} tests/test_snmp*.py"),

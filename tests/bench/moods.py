@@ -27,6 +27,7 @@ from typing import Any
 
 from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 from pymodbus.exceptions import ModbusException
+from pymodbus.framer import FramerRTU
 
 from bench import heading
 from lab.gateway import REPOSITORY, Gateway, GatewayError, free_port, listening_on, remove, run_directory
@@ -76,13 +77,8 @@ MOODS = (
 # ---- devices -------------------------------------------------------------------------------------------
 
 
-def crc(octets: bytes) -> bytes:
-    value = 0xFFFF
-    for octet in octets:
-        value ^= octet
-        for _ in range(8):
-            value = value >> 1 ^ (0xA001 if value & 1 else 0)
-    return value.to_bytes(2, "little")
+def sealed(body: bytes) -> bytes:
+    return body + FramerRTU.compute_CRC(body).to_bytes(2, "big")
 
 
 class Device:
@@ -206,11 +202,11 @@ class SerialDevice(Device):
             if len(came) < 8:
                 continue
             request, came = came[:8], b""
-            if request[6:] != crc(request[:6]) or not self._hears():
+            if request != sealed(request[:6]) or not self._hears():
                 continue
             count = int.from_bytes(request[4:6], "big")
             answer = bytes([UNIT, request[1], 2 * count]) + bytes(2 * count)
-            os.write(self.end, answer + crc(answer))
+            os.write(self.end, sealed(answer))
             self._answered()
         os.close(self.end)
         os.close(self._other)

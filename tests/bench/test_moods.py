@@ -15,7 +15,7 @@ from moods import (
     TcpDevice,
     by_gateway,
     by_loop,
-    crc,
+    sealed,
     table,
 )
 
@@ -34,9 +34,10 @@ def test_the_gateway_reads_what_has_no_moods(programs: None) -> None:
 
 def test_a_device_is_as_its_mood_says() -> None:
     with TcpDevice(Mood("pause", pause_s=5.0)) as device, socket.create_connection(device.address) as client:
-        client.settimeout(0.3)
+        client.settimeout(30.0)
         client.sendall(READ)
         assert len(client.recv(64)) == 17
+        client.settimeout(0.3)
         client.sendall(READ)
         with pytest.raises(TimeoutError):
             client.recv(64)
@@ -54,4 +55,4 @@ def test_the_table_has_a_row_for_each_mood() -> None:
 
 
 def test_crc_is_that_of_the_standard() -> None:
-    assert crc(bytes.fromhex("010300000004")) == bytes.fromhex("4409")
+    assert sealed(bytes.fromhex("010300000004")) == bytes.fromhex("0103000000044409")

@@ -24,6 +24,7 @@
 #define LOOK_NS  (PLANT_NS / 5)
 #define STUCK_S                                                                                              \
 	300 /* of the host, without a turn: whoever has the baton waits for what is not in the plant */
+#define JOIN_MS        60000 /* of the host, from the start of a program */
 #define CALL_WITHIN_NS (10 * PLANT_NS)
 #define LINE_SIZE      4096
 #define WORDS_MAX      64
@@ -223,9 +224,11 @@ static void wait_attached(uint32_t process)
 {
 	struct plant_process *started = &plant->processes[process];
 
-	while (!atomic_load(&started->attached)) {
+	for (unsigned ms = 0; !atomic_load(&started->attached); ms++) {
 		if (waitpid(started->pid, NULL, WNOHANG) > 0)
 			give_up(FAILED, starts[process].words[5], "it ended before it was in the plant");
+		if (ms == JOIN_MS)
+			give_up(FAILED, starts[process].words[5], "it does not take the plant's library");
 		nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
 	}
 }

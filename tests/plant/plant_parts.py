@@ -16,7 +16,7 @@ from pathlib import Path
 HEADER = struct.Struct("<4sHHQ")  # docs/centre.md
 RECORD_SIZE = 48
 INFORMATION = struct.Struct("<BBHIIIqqBBBB4s8s")
-KIND_STATION, KIND_LINK, KIND_INFORMATION = 1, 2, 3
+KIND_LINK, KIND_INFORMATION = 2, 3
 TAGGED, LAST_OCTET = 4, 36
 ACKNOWLEDGE = struct.Struct("<BBHIQ16x")
 PACKET_MAX = 65536

@@ -6,7 +6,7 @@
 
 static void say_not_sent(struct centre *centre, const struct centre_request *request, uint8_t result)
 {
-	struct centre_record *record = centre_add(centre, request->station, CENTRE_PROGRESS);
+	struct centre_record *record = centre_record_add(centre, request->station, CENTRE_PROGRESS);
 	bool selects = request->kind == CENTRE_COMMAND && (request->flags & CENTRE_SELECT) != 0;
 
 	record->received_ns = centre->now.wall_ns;

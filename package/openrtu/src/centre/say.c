@@ -17,7 +17,7 @@ bool centre_has_room(const struct centre *centre)
 }
 
 /* Of a place in the file. */
-struct centre_record *centre_add(struct centre *centre, uint32_t place, enum centre_kind kind)
+struct centre_record *centre_record_add(struct centre *centre, uint32_t place, enum centre_kind kind)
 {
 	struct centre_record *record = &centre->nowhere;
 
@@ -33,8 +33,8 @@ struct centre_record *centre_add(struct centre *centre, uint32_t place, enum cen
 
 static struct centre_record *say(struct centre_station *station, enum centre_kind kind)
 {
-	struct centre_record *record =
-	    centre_add(station->centre, centre_config_place(station->centre->config, station->number), kind);
+	struct centre_record *record = centre_record_add(
+	    station->centre, centre_config_place(station->centre->config, station->number), kind);
 
 	record->connection = station->connection;
 	record->received_ns = station->centre->now.wall_ns;
@@ -81,7 +81,7 @@ void centre_say_progress(struct centre_station *station, const struct iec104_con
 	record->progress.id_high = (uint32_t)(id >> 32);
 }
 
-void centre_set_time(struct centre_record *record, bool tagged, bool invalid, int64_t wall_ns)
+void centre_record_time(struct centre_record *record, bool tagged, bool invalid, int64_t wall_ns)
 {
 	record->flags |= (uint8_t)((tagged ? CENTRE_TAGGED : 0) | (invalid ? CENTRE_TIME_INVALID : 0));
 	record->wall_ns = wall_ns;

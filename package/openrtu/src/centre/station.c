@@ -108,7 +108,7 @@ static void on_information(void *context, const struct iec104_asdu *asdu,
 	record->information.value = information->value;
 	record->information.elapsed_ms = information->elapsed_ms;
 	record->information.content = (uint8_t)information->content;
-	centre_set_time(record, information->tagged, information->time_invalid, information->wall_ns);
+	centre_record_time(record, information->tagged, information->time_invalid, information->wall_ns);
 	if (information->content == IEC104_INITIALISATION)
 		iec104_polls_renew(station->polls, station->plan->poll_count, asdu->ca,
 				   station->centre->now.monotonic_ns);
@@ -125,7 +125,7 @@ static void on_position(void *context, const struct iec104_asdu *asdu, uint32_t 
 	record->position.latitude = position->latitude;
 	record->position.longitude = position->longitude;
 	record->position.altitude_dm = position->altitude_dm;
-	centre_set_time(record, true, position->time_invalid, position->wall_ns);
+	centre_record_time(record, true, position->time_invalid, position->wall_ns);
 }
 
 static void end_poll(struct centre_station *station, const struct iec104_controlling_request *request)
@@ -286,8 +286,8 @@ static void trace(struct centre_station *station, uint8_t direction, const uint8
 		return;
 	}
 	for (size_t at = 0, count; at < size; at += count) {
-		struct centre_record *record =
-		    centre_add(centre, centre_config_place(centre->config, station->number), CENTRE_OCTETS);
+		struct centre_record *record = centre_record_add(
+		    centre, centre_config_place(centre->config, station->number), CENTRE_OCTETS);
 
 		count = size - at < CENTRE_OCTETS_SIZE ? size - at : CENTRE_OCTETS_SIZE;
 		record->flags = (uint8_t)(direction | (station->gap ? CENTRE_GAP : 0));

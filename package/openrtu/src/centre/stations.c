@@ -14,7 +14,7 @@ bool centre_tell_next(struct centre *centre)
 
 	if (centre->told == centre->config->station_count)
 		return false;
-	record = centre_add(centre, centre_config_place(centre->config, centre->told), CENTRE_STATION);
+	record = centre_record_add(centre, centre_config_place(centre->config, centre->told), CENTRE_STATION);
 	memcpy(record->name, centre->config->stations[centre->told].name, CENTRE_NAME_SIZE);
 	centre->told++;
 	return true;
