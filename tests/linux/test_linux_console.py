@@ -17,6 +17,12 @@ def kernel(kernel: Kernel) -> Kernel:
     return kernel.without_services()
 
 
+def test_overrun_of_a_tty_is_not_the_answer(linux: Linux) -> None:
+    """Before the next test: its kernel goes on to speak."""
+    assert linux.run("echo '<4>ttyS ttyS8: 2 input overrun(s)' > /dev/kmsg; echo it is read") == "it is read"
+    assert "] ttyS ttyS8: 2 input overrun(s)" in linux.log
+
+
 def test_what_the_kernel_says_in_between_is_not_the_answer(linux: Linux) -> None:
     """Its messages break into lines and into the mark of a command's end."""
     linux.run("while :; do echo '<3>the kernel speaks' > /dev/kmsg; sleep 0.02; done > /dev/null 2>&1 &")

@@ -301,7 +301,7 @@ def test_repeated_acknowledgements_double_nothing(service: FileService, uimage: 
     """The sorcerer's apprentice: RFC 1123, 4.2.3.1. More often than tftpy forgives, too."""
     board = Port(service)
     with service.offer("uImage", uimage):
-        heard = [board.ask(request(RRQ, "uImage", tsize=0))]
+        heard = [board.ask(request(RRQ, "uImage", timeout=255))]  # it does not lose patience meanwhile
         for number, times in ((0, 25), (1, 3), (2, 3)):
             for _ in range(times):
                 board.send(block(ACK, number))
@@ -496,7 +496,7 @@ def test_request_has_512_bytes_at_most(service: FileService, uimage: Path) -> No
 def test_served_only_meanwhile(service: FileService, uimage: Path) -> None:
     board = Port(service)
     with service.offer("uImage", uimage):
-        board.ask(request(RRQ, "uImage"))
+        board.ask(request(RRQ, "uImage", timeout=255))
     assert board.hear(0)[:4] == block(ERROR, NO_ACCESS)  # at once, and U-Boot does not ask again
     assert Port(service).ask(request(RRQ, "uImage"))[:4] == block(ERROR, NOT_FOUND)
     with service.offer("uImage", uimage):
