@@ -22,12 +22,13 @@ static uint32_t heartbeat_age_ms(const struct map *map, uint32_t module)
 	return now_ms() - beaten;
 }
 
-/* What was young enough when the cycle began is; of any other, one that has beaten since among them, the clock tells. */
+/* Within the limit of the cycle's begin, before it or since, is young enough; of any other the clock tells. */
 static bool beats(const struct map *map, uint32_t module)
 {
-	uint32_t limit_ms = map_heartbeat_limit_ms(map, module);
+	const uint32_t limit_ms = map_heartbeat_limit_ms(map, module);
+	const uint32_t before_ms = map->cycle_ms - last_beat_ms(map, module); /* it may be below 0 */
 
-	return (map->cycle_ns != 0 && map->cycle_ms - last_beat_ms(map, module) <= limit_ms) ||
+	return (map->cycle_ns != 0 && before_ms + limit_ms <= 2 * limit_ms) ||
 	       heartbeat_age_ms(map, module) <= limit_ms;
 }
 

@@ -143,6 +143,13 @@ static void test_points_are_read_by_the_time_of_the_turn(void **state)
 	assert_int_equal(clock_readings, 0);
 	after_clock = NULL;
 
+	clock_shift_ns += 1000000; /* it beats within the turn */
+	map_heartbeat(owner);
+	after_clock = count_reading;
+	assert_sample(stage->rtud, 0, 7, MAP_GOOD);
+	assert_int_equal(clock_readings, 0);
+	after_clock = NULL;
+
 	clock_shift_ns += (TEST_HEARTBEAT_LIMIT_MS + 1) * INT64_C(1000000);
 	assert_sample(stage->rtud, 0, 7, MAP_GOOD);
 	map_begin_cycle(stage->rtud);
