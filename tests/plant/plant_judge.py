@@ -47,6 +47,10 @@ class Told:
     cause: int
     session: int  # counts the connections of the station over all lives of the centre
 
+    def __str__(self) -> str:
+        of = "" if self.tag_s is None else f" of {self.tag_s:.3f} s"
+        return f"{self.value}, {'good' if self.good else 'not good'}{of}"
+
 
 def seconds(time_ns: int) -> float:
     return (time_ns - BEGIN_NS) / S
@@ -114,10 +118,6 @@ class History:
         first = max(0, bisect_right(held, (from_s, -1)) - 1)
         return any(has == value for since, has in held[first:] if since <= to_s)
 
-    def line_was_gone(self, at_s: float) -> bool:
-        """Its return tells the current values, which may be in events that wait for the centre, too."""
-        return any(fault.of in ("rtu-modbus-1", "rtud") and fault.at_s < at_s for fault in self.faults)
-
     def delay_s(self, at_s: float) -> float:
         """What stops and cuts may have held up until then."""
         return sum(
@@ -127,19 +127,22 @@ class History:
         )
 
 
+def age_s(history: History, told: Told) -> float:
+    """How old a value may be at its time tag, or as it comes. What is not good is an old one's."""
+    if not told.good:
+        return float("inf")
+    return AGE_S + (history.delay_s(told.at_s) if told.tag_s is None else 0.0)
+
+
 def values_are_true(history: History) -> Iterator[Violation]:
-    """Good is what its device held shortly before."""
+    """Good is what its device held shortly before. What is not good, it held at some time before."""
     for told in history.told:
-        if not told.good:
-            continue
         until_s = told.at_s if told.tag_s is None else told.tag_s
-        from_s = until_s - AGE_S - (history.delay_s(told.at_s) if told.tag_s is None else 0.0)
+        from_s = until_s - age_s(history, told)
         if told.point not in history.held:
             yield Violation("no value of nobody", told.at_s, f"{told.point} is {told.value}")
         elif not history.held_within(told.point, told.value, from_s, until_s + 0.001):
-            yield Violation(
-                "true", told.at_s, f"{told.point} is told as {told.value}, good, of {until_s:.3f} s"
-            )
+            yield Violation("true", told.at_s, f"{told.point} is told as {told}")
 
 
 def is_told_twice(event: Told, before: Told) -> bool:
@@ -148,22 +151,23 @@ def is_told_twice(event: Told, before: Told) -> bool:
     return what == (before.session, before.tag_s, before.value, before.good)
 
 
+def tells_the_same(event: Told, other: Told) -> bool:
+    return (event.value, event.good) == (other.value, other.good)
+
+
 def events_are_in_order(history: History) -> Iterator[Violation]:
     """Within a connection none comes twice, or after a later one; a new connection may repeat."""
     for point, events in history.events.items():
-        seen: set[tuple[float | None, int]] = set()
+        seen: set[tuple[float | None, int | None, bool]] = set()
         latest = events[0]
         for before, event in zip([None, *events[:-1]], events, strict=True):
-            if before and is_told_twice(event, before) and not history.line_was_gone(event.at_s):
+            if before and is_told_twice(event, before):
                 yield Violation("once", event.at_s, f"{point} of {event.tag_s:.3f} s")
-            goes_back = (event.tag_s or 0) < (latest.tag_s or 0) and event.value != latest.value
-            if goes_back and (event.session == latest.session or (event.tag_s, event.value) not in seen):
-                text = (
-                    f"{point}: {event.value} of {event.tag_s:.3f} s after "
-                    f"{latest.value} of {latest.tag_s:.3f} s"
-                )
-                yield Violation("order", event.at_s, text)
-            seen.add((event.tag_s, event.value))
+            goes_back = (event.tag_s or 0) < (latest.tag_s or 0) and not tells_the_same(event, latest)
+            what = (event.tag_s, event.value if event.good else None, event.good)
+            if goes_back and (event.session == latest.session or what not in seen):
+                yield Violation("order", event.at_s, f"{point}: {event} after {latest}")
+            seen.add(what)
             latest = max(latest, event, key=lambda told: told.tag_s or 0)
 
 

@@ -285,12 +285,16 @@ static void continue_queue(struct iec104_station *station, struct iec104_connect
 	map_queue_place(station->map, connection->queue, &place);
 	connection->cursor = place.cursor;
 	connection->down = false;
-	connection->silent_modules = 0;
+	connection->silent_modules = connection->returned_modules = 0;
 	connection->refresh = false;
 	connection->refresh_all = place.refresh_all;
-	connection->refresh_modules = place.refresh_modules;
-	if (place.refresh_all || place.refresh_modules != 0)
+	connection->refresh_modules = 0;
+	if (place.refresh_all)
 		iec104_begin_refresh(station, connection);
+	memset(connection->told, 0, sizeof(connection->told));
+	memset(connection->module_ns, 0, sizeof(connection->module_ns));
+	for (map_modules left = place.refresh_modules; left != 0; left &= left - 1)
+		iec104_begin_return(station, connection, (uint32_t)__builtin_ctzll(left), station->now_ns);
 	connection->overtaken = 0;
 }
 

@@ -24,6 +24,14 @@ void iec104_begin_refresh(const struct iec104_station *station, struct iec104_co
 	iec104_begin_sweep_of_all(station, connection, &connection->refresh_sweep, to_be_refreshed);
 }
 
+void iec104_begin_return(const struct iec104_station *station, struct iec104_connection *connection,
+			 uint32_t module, int64_t since_ns)
+{
+	connection->refresh_modules |= map_module_bit(module);
+	connection->module_ns[module] = since_ns;
+	iec104_begin_refresh(station, connection);
+}
+
 void iec104_refresh_recovered(const struct iec104_station *station, struct iec104_connection *connection,
 			      int64_t now_ns)
 {
@@ -33,8 +41,8 @@ void iec104_refresh_recovered(const struct iec104_station *station, struct iec10
 		if (!map_alive(station->map, i))
 			continue;
 		connection->silent_modules &= ~map_module_bit(i);
-		connection->refresh_modules |= map_module_bit(i);
-		iec104_begin_refresh(station, connection);
+		connection->returned_modules |= map_module_bit(i);
+		iec104_begin_return(station, connection, i, now_ns);
 	}
 	if (connection->silent_modules != 0)
 		connection->retry_ns = now_ns + DOUBT_NS;
@@ -44,8 +52,12 @@ void iec104_begin_invalid(const struct iec104_station *station, struct iec104_co
 			  uint32_t module, int64_t since_ns)
 {
 	connection->down = true;
+	connection->returned_modules &= ~map_module_bit(module);
 	connection->down_module = module;
 	connection->down_ns = since_ns;
+	connection->down_ahead = connection->cursor;
+	connection->module_ns[module] = since_ns;
+	iec104_forget_told(station, connection, module);
 	iec104_begin_sweep_of_all(station, connection, &connection->down_sweep, of_down_module);
 }
 
@@ -57,13 +69,15 @@ bool iec104_send_invalid(const struct iec104_station *station, struct iec104_con
 	    .cause = IEC104_SPONTANEOUS,
 	    .tagged = true,
 	    .invalid = true,
-	    .invalid_since_ns = connection->down_ns,
 	};
 	enum iec104_progress progress =
 	    iec104_send_points(station, connection, &connection->down_sweep, &manner, now_ns);
 
-	if (progress == IEC104_SWEEP_DONE)
+	if (progress == IEC104_SWEEP_DONE) {
 		connection->down = false;
+		iec104_forget_told(station, connection,
+				   connection->down_module); /* what waits is not told yet */
+	}
 	return progress != IEC104_SWEEP_TRY_LATER;
 }
 
@@ -74,6 +88,7 @@ bool iec104_send_refresh(struct iec104_station *station, struct iec104_connectio
 	    .cause = IEC104_SPONTANEOUS,
 	    .tagged = true,
 	    .valid_only = !connection->refresh_all, /* an owner that was down was reported invalid */
+	    .current = true,
 	};
 	enum iec104_progress progress;
 

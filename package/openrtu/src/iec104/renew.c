@@ -5,6 +5,8 @@
  */
 #include "iec104/station_parts.h"
 
+#include <string.h>
+
 /* The same station's first device; MAP_NONE: it is gone. */
 static uint32_t device_now(const struct iec104_station *station, const struct map_config *before,
 			   uint32_t device)
@@ -78,6 +80,7 @@ static void renew_connection(const struct iec104_station *station, struct iec104
 
 		connection->next_initialised = next == MAP_NONE ? station->config->set_count : next;
 	}
+	memset(connection->told, 0, sizeof(connection->told));
 	if (connection->down)
 		iec104_begin_invalid(station, connection, connection->down_module, connection->down_ns);
 	if (connection->refresh)

@@ -14,8 +14,9 @@ static void take_module_event(const struct iec104_station *station, struct iec10
 		iec104_begin_invalid(station, connection, event->point, event->sample.time_ns);
 		break;
 	case MAP_EVENT_MODULE_UP:
-		connection->refresh_modules |= map_module_bit(event->point);
-		iec104_begin_refresh(station, connection);
+		if (!(connection->returned_modules & map_module_bit(event->point)))
+			iec104_begin_return(station, connection, event->point, event->sample.time_ns);
+		connection->returned_modules &= ~map_module_bit(event->point);
 		break;
 	default:
 		break; /* the clock's change is in the time tags */
@@ -46,6 +47,18 @@ static bool belongs(const struct iec104_station *station, const struct map_event
 	       !iec104_is_position(station, event->point);
 }
 
+/* False: the ASDU is full. */
+static bool add_change(const struct iec104_station *station, struct iec104_connection *connection,
+		       struct iec104_builder *builder, const struct map_event *event,
+		       const struct map_sample *samples)
+{
+	if (!iec104_add_event(station, builder, event, samples))
+		return false;
+	if (!event->past)
+		iec104_note_told(connection, event->point);
+	return true;
+}
+
 /* As many events as come one after another and go into one ASDU, in their order. */
 static void send_changes(const struct iec104_station *station, struct iec104_connection *connection,
 			 const struct map_event *first, int64_t now_ns)
@@ -59,9 +72,9 @@ static void send_changes(const struct iec104_station *station, struct iec104_con
 	if (!iec104_complete_event(station, &ahead, first, samples))
 		return;
 	iec104_begin_asdu(station, &builder, first->point, &manner, false);
-	iec104_add_event(station, &builder, first, samples);
+	add_change(station, connection, &builder, first, samples);
 	while (map_event_next(station->map, &ahead, &event) && belongs(station, first, &event) &&
-	       iec104_add_event(station, &builder, &event, &event.sample))
+	       add_change(station, connection, &builder, &event, &event.sample))
 		connection->cursor = ahead;
 	map_count(&station->stats->counters[IEC104_COUNT_EVENTS_SENT], iec104_asdu_count(&builder));
 	iec104_send(connection, &builder, now_ns);

@@ -63,6 +63,7 @@
 #define IEC104_INTERROGATIONS_MAX 64 /* of different stations, under way or waiting, on one connection */
 #define IEC104_OPEN_REQUESTS_MAX  64 /* waiting for their devices, of all connections */
 #define IEC104_OPEN_FREEZES_MAX   16 /* waiting for the counters' owners, one a connection */
+#define IEC104_TOLD_POINTS        65536 /* of those behind, a value may be told twice when their module is back */
 
 /* Confirmations and refusals that wait for room in k, oldest first: one octet of size, then the ASDU. */
 struct iec104_replies {
@@ -127,6 +128,7 @@ struct iec104_connection {
 
 	bool down; /* a module's points are being reported invalid */
 	struct map_cursor before_down;
+	struct map_cursor down_ahead; /* behind these of its events it was looked which points they tell */
 	uint32_t down_module;
 	int64_t down_ns;
 	struct iec104_sweep down_sweep;
@@ -134,7 +136,12 @@ struct iec104_connection {
 	bool refresh_all;            /* of all points, after lost events, */
 	map_modules refresh_modules; /* or of modules that are back */
 	struct iec104_sweep refresh_sweep;
-	map_modules silent_modules; /* sent as invalid for want of a heartbeat, maybe unseen by rtud */
+	map_modules silent_modules;   /* sent as invalid for want of a heartbeat, maybe unseen by rtud */
+	map_modules returned_modules; /* of these, those that are back, until rtud's event tells it */
+	/* When each was lost or back: its points are as of then or later. */
+	int64_t module_ns[MAP_MODULES_MAX];
+	/* A bit for each point: an event told it since its module was lost; while down: tells it, once that is sent. */
+	uint32_t told[IEC104_TOLD_POINTS / 32];
 
 	struct iec104_procedure procedures[IEC104_INTERROGATIONS_MAX]; /* a ring, the first is under way */
 	unsigned first_procedure, procedure_count;

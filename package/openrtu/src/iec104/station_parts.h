@@ -117,8 +117,8 @@ struct iec104_manner {
 	bool tagged;
 	bool valid_only;
 	bool totals;  /* counters' frozen readings */
-	bool invalid; /* whatever they are now, they became invalid at invalid_since_ns */
-	int64_t invalid_since_ns;
+	bool invalid; /* whatever they are now, they became so when their module was lost */
+	bool current; /* as of the moment at least when their module was lost or back */
 };
 
 enum iec104_progress {
@@ -163,10 +163,27 @@ void iec104_send(struct iec104_connection *connection, const struct iec104_build
 /* Comes back to a point that could not be read, without waiting for anything else. */
 void iec104_retry_soon(struct iec104_connection *connection, int64_t now_ns);
 
+/* ---- told.c ------------------------------------------------------------------------------ */
+
+/* A point of the module was read, and is invalid for want of a heartbeat. */
+void iec104_note_silent(const struct iec104_station *station, struct iec104_connection *connection,
+			uint32_t module);
+/* Of the module's points, no event has told any. */
+void iec104_forget_told(const struct iec104_station *station, struct iec104_connection *connection,
+			uint32_t module);
+/* An event of the point was sent. */
+void iec104_note_told(struct iec104_connection *connection, uint32_t point);
+/* What is sent of a point in a manner, from what was read. False: nothing, it needs not be told. */
+bool iec104_adapt(const struct iec104_station *station, struct iec104_connection *connection, uint32_t point,
+		  const struct iec104_manner *manner, struct map_sample samples[IEC104_SAMPLES]);
+
 /* ---- refresh.c --------------------------------------------------------------------------- */
 
 /* Begins to send current values, of connection->refresh_modules or refresh_all. */
 void iec104_begin_refresh(const struct iec104_station *station, struct iec104_connection *connection);
+/* Begins to send those of a module that is back since then, but for what its events have told since it was lost. */
+void iec104_begin_return(const struct iec104_station *station, struct iec104_connection *connection,
+			 uint32_t module, int64_t since_ns);
 /* Begins to send the points of a module that is down since then; connection->before_down is where its events stay. */
 void iec104_begin_invalid(const struct iec104_station *station, struct iec104_connection *connection,
 			  uint32_t module, int64_t since_ns);

@@ -29,7 +29,7 @@ bool iec104_read_point(const struct iec104_station *station, struct iec104_conne
 						 : map_read(station->map, point, samples)))
 		return false;
 	if ((samples[0].quality & MAP_INVALID) && !map_alive(station->map, owner))
-		connection->silent_modules |= map_module_bit(owner);
+		iec104_note_silent(station, connection, owner);
 	return true;
 }
 
@@ -228,11 +228,7 @@ static bool fill_asdu(const struct iec104_station *station, struct iec104_connec
 
 		if (!iec104_read_point(station, connection, point, manner->totals, samples))
 			return false;
-		if (manner->invalid) {
-			samples[0].quality |= MAP_INVALID;
-			samples[0].time_ns = manner->invalid_since_ns;
-		}
-		if (!(manner->valid_only && (samples[0].quality & MAP_INVALID)) &&
+		if (iec104_adapt(station, connection, point, manner, samples) &&
 		    iec104_is_tellable(station, point, &samples[0]) &&
 		    !iec104_add_samples(station, builder, point, samples, manner->tagged))
 			return true;

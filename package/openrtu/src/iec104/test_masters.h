@@ -19,6 +19,8 @@
 
 /* CP56Time2a of WALL_NS */
 #define TIME 0x18, 0xbc, 24, 13, 19, 2, 25
+/* 100 ms later */
+#define TIME_OF_RETURN 0x7c, 0xbc, 24, 13, 19, 2, 25
 
 /* Type identification (IEC 60870-5-101, 7.2.1), without the _1 of all of them. */
 enum {

@@ -133,7 +133,38 @@ static void test_module_down_and_up(void **state)
 	fake.samples[BITS] = (struct map_sample){.value.u = 5, .time_ns = now - 100 * MS};
 	put_event(MAP_EVENT_MODULE_UP, 2, (struct map_sample){.time_ns = now});
 	run();
-	EXPECT(0, M_BO_TB, 1, SPONTANEOUS, 0, CA_4001, IOA(7), 5, 0, 0, 0, 0, TIME);
+	EXPECT(0, M_BO_TB, 1, SPONTANEOUS, 0, CA_4001, IOA(7), 5, 0, 0, 0, 0, TIME_OF_RETURN);
+	expect_nothing(0);
+}
+
+/* Nothing that came later is told as of the time at which the module was lost, and what an event tells is told once. */
+static void test_module_down_and_up_are_told_late(void **state)
+{
+	(void)state;
+	hold_back(0);
+	put_event(MAP_EVENT_MODULE_DOWN, 2, (struct map_sample){.time_ns = now});
+	now += 100 * MS;
+	publish(DOUBLE1, 2);
+	put_event(MAP_EVENT_MODULE_UP, 2, (struct map_sample){.time_ns = now});
+	publish(NORMALIZED, 7);
+	for (uint32_t i = DOUBLE1; i < POINTS; i++)
+		fake.samples[i].time_ns = now;
+	acknowledge(&masters[0]);
+	EXPECT(0, M_DP_TB, 2, SPONTANEOUS, 0, CA_4001, IOA(1), 0x80, TIME, 3, 0, 0, 0x81, TIME);
+	EXPECT(0, M_ST_TB, 1, SPONTANEOUS, 0, CA_4001, IOA(5), 0, 0x80, TIME);
+	EXPECT(0, M_BO_TB, 1, SPONTANEOUS, 0, CA_4001, IOA(7), 1, 0, 0, 0, 0x80, TIME);
+	EXPECT(0, M_ME_TD, 1, SPONTANEOUS, 0, CA_4001, IOA(9), 0, 0, 0x80, TIME);
+	EXPECT(0, M_ME_TF, 1, SPONTANEOUS, 0, CA_4001, IOA(11), 0, 0, 0xc0, 0x3f, 0x80, TIME);
+	EXPECT(0, M_IT_TB, 1, SPONTANEOUS, 0, CA_4001, IOA(15), 0, 0, 0, 0, 0x80, TIME);
+	acknowledge(&masters[0]);
+	EXPECT(0, M_DP_TB, 1, SPONTANEOUS, 0, CA_4001, IOA(1), 2, TIME_OF_RETURN);
+	EXPECT(0, M_ME_TD, 1, SPONTANEOUS, 0, CA_4001, IOA(9), 7, 0, 0, TIME_OF_RETURN);
+	EXPECT(0, M_DP_TB, 1, SPONTANEOUS, 0, CA_4001, IOA(3), 1, TIME_OF_RETURN);
+	EXPECT(0, M_ST_TB, 1, SPONTANEOUS, 0, CA_4001, IOA(5), 0, 0, TIME_OF_RETURN);
+	EXPECT(0, M_BO_TB, 1, SPONTANEOUS, 0, CA_4001, IOA(7), 1, 0, 0, 0, 0, TIME_OF_RETURN);
+	EXPECT(0, M_ME_TF, 1, SPONTANEOUS, 0, CA_4001, IOA(11), 0, 0, 0xc0, 0x3f, 0, TIME_OF_RETURN);
+	EXPECT(0, M_IT_TB, 1, SPONTANEOUS, 0, CA_4001, IOA(15), 0, 0, 0, 0, 0, TIME_OF_RETURN);
+	acknowledge(&masters[0]);
 	expect_nothing(0);
 }
 
@@ -153,6 +184,31 @@ static void test_heartbeat_is_missing_for_a_moment(void **state)
 	fake.silent[2] = false;
 	run();
 	EXPECT(0, M_ME_TF, 1, SPONTANEOUS, 0, CA_4001, IOA(11), 0, 0, 0xc0, 0x3f, 0, TIME);
+	expect_nothing(0);
+}
+
+/* An interrogation has seen what rtud's event tells too. */
+static void test_return_is_told_once(void **state)
+{
+	(void)state;
+	for (uint32_t i = DOUBLE1; i < POINTS; i++)
+		if (i != FLOAT)
+			fake.samples[i].quality = MAP_INVALID;
+	fake.silent[2] = true;
+	put_event(MAP_EVENT_MODULE_DOWN, 2, (struct map_sample){.time_ns = now});
+	run();
+	while (next_frame(&masters[0]) != NULL)
+		acknowledge(&masters[0]);
+	ASK(0, C_RD_NA, 1, REQUEST, 0, CA_4001, IOA(11));
+	EXPECT(0, M_ME_NC, 1, REQUEST, 0, CA_4001, IOA(11), 0, 0, 0xc0, 0x3f, 0x80);
+	now += 100 * MS;
+	publish(NORMALIZED, 7); /* before its heartbeat */
+	run();
+	EXPECT(0, M_ME_TD, 1, SPONTANEOUS, 0, CA_4001, IOA(9), 7, 0, 0, TIME_OF_RETURN);
+	fake.silent[2] = false;
+	run();
+	EXPECT(0, M_ME_TF, 1, SPONTANEOUS, 0, CA_4001, IOA(11), 0, 0, 0xc0, 0x3f, 0, TIME_OF_RETURN);
+	put_event(MAP_EVENT_MODULE_UP, 2, (struct map_sample){.time_ns = now});
 	expect_nothing(0);
 }
 
@@ -262,7 +318,9 @@ int main(void)
 	    TEST(test_event_is_not_overtaken_by_an_interrogation),
 	    TEST(test_read_value_is_not_followed_by_an_older_event),
 	    TEST(test_module_down_and_up),
+	    TEST(test_module_down_and_up_are_told_late),
 	    TEST(test_heartbeat_is_missing_for_a_moment),
+	    TEST(test_return_is_told_once),
 	    TEST(test_lost_events),
 	    TEST(test_steps_of_the_clock_fire_no_timer),
 	    TEST(test_periodic),
