@@ -7,7 +7,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
-from playwright.sync_api import Browser, Page, Route, expect
+from playwright.sync_api import Browser, Page, Route, WebSocketRoute, expect
 from pmtiles.tile import Compression, TileType, zxy_to_tileid
 from pmtiles.writer import write
 
@@ -97,9 +97,30 @@ def view(page: Page, name: str) -> None:
     expect(page.locator(f"nav a[href='#{name}']")).to_have_attribute("aria-current", "page")
 
 
-def open_command(page: Page, point: str) -> None:
+def load_again(page: Page) -> None:
+    """Until it is logged in: before, no key does anything."""
+    page.reload()
+    page.wait_for_selector("nav")
+
+
+def points_of_north(page: Page) -> None:
+    """Until they are shown, those of another station are there: a click would be on these."""
     view(page, "points")
     page.locator(".side .list button", has_text="north").click()
+    expect(page.locator("h2", has_text="Points of north")).to_be_visible()
+
+
+def is_connected(site: Site) -> None:
+    """Whatever a test before has done to it."""
+    client = site.client("olga")
+    until(
+        lambda: next(each["link"] for each in client.get("/api/stations") if each["name"] == "north") == 3,
+        "north is connected",
+    )
+
+
+def open_command(page: Page, point: str) -> None:
+    points_of_north(page)
     page.locator("tr", has_text=point).locator("button.small").click()
 
 
@@ -209,7 +230,7 @@ def test_marker_has_a_text_and_is_chosen_by_a_pointer(page: Page, stations: Stat
     expect(page.locator(".about h2")).to_have_text("north")
     stations.say(north, 1, POSITION, position(now_ms(), 0, 0, fix=0))  # in a tunnel
     until(
-        lambda: any(re.fullmatch(r"north\ninvalid, \d+ s", each) for each in page.evaluate(LABELS)),
+        lambda: any(re.fullmatch(r"north\ninvalid, \d+ \w+", each) for each in page.evaluate(LABELS)),
         "the text of an invalid one",
     )
     expect(page.locator(".about dl")).to_contain_text(f"{BELGRADE[0]:.6f}°")
@@ -357,18 +378,20 @@ def test_map_by_keys_alone(page: Page, stations: Stations, north: Station) -> No
     tab_to(page, page.get_by_role("button", name="Replay"))
     page.keyboard.press("Enter")
     slider = page.locator(".replay input[type=range]")
-    expect(slider).to_be_visible()
+    expect(slider).to_have_attribute("step", "1000")  # it is loaded
     tab_to(page, slider)
-    at = slider.input_value()
+    at = int(slider.input_value())
     page.keyboard.press("ArrowRight")
-    assert slider.input_value() > at
+    until(lambda: int(slider.input_value()) > at, "it is later")
     tab_to(page, page.locator(".replay").get_by_role("button", name="Close"))
     page.keyboard.press("Enter")
     expect(page.locator(".replay")).to_be_hidden()
 
 
-def test_command_by_keys_alone(page: Page, north: Station, stations: Stations) -> None:
-    """From the view to the end of a command, without a pointer."""
+def test_command_by_keys_alone(page: Page, site: Site, north: Station) -> None:
+    """From the view to the end of a command, without a pointer. A second Enter behind the first does no more
+    than to cancel."""
+    is_connected(site)
     north.commanded.clear()
     page.keyboard.press("2")
     page.locator(".side .list button", has_text="north").focus()
@@ -382,8 +405,9 @@ def test_command_by_keys_alone(page: Page, north: Station, stations: Stations) -
     for _ in range(2):
         page.keyboard.press("Tab")
     page.keyboard.press("Enter")
-    expect(page.locator("dialog button.main")).to_have_text("Execute")
-    page.locator("dialog button.main").focus()
+    expect(page.get_by_role("button", name="Execute")).to_be_enabled()
+    expect(page.get_by_role("button", name="Cancel")).to_be_focused()
+    page.keyboard.press("Tab")
     page.keyboard.press("Enter")
     expect(page.locator("dialog .outcome")).to_have_class("outcome good")
     assert outcome(page) == "Executed"
@@ -411,7 +435,10 @@ def test_second_person_is_told_and_releases(page: Page, site: Site, stations: St
         pytest.param("silent", "old", "No answer in time", marks=pytest.mark.slow),
     ],
 )
-def test_each_fate_looks_its_own(page: Page, north: Station, manner: str, kind: str, words: str) -> None:
+def test_each_fate_looks_its_own(
+    page: Page, site: Site, north: Station, manner: str, kind: str, words: str
+) -> None:
+    is_connected(site)
     open_command(page, "lamp")
     north.manner = manner
     page.locator("dialog .choices button").nth(1).click()
@@ -422,11 +449,8 @@ def test_each_fate_looks_its_own(page: Page, north: Station, manner: str, kind: 
 
 
 def test_escape_leaves_no_selection(page: Page, site: Site, north: Station) -> None:
+    is_connected(site)
     client = site.client("olga")
-    until(
-        lambda: next(each["link"] for each in client.get("/api/stations") if each["name"] == "north") == 3,
-        "connected",
-    )
     open_command(page, "pump")
     page.locator("dialog .choices button").nth(0).click()
     page.locator("dialog button.main").click()
@@ -437,6 +461,7 @@ def test_escape_leaves_no_selection(page: Page, site: Site, north: Station) -> N
 
 def test_escape_before_the_answer_leaves_no_selection(page: Page, site: Site) -> None:
     """On a slow network the answer comes when the dialogue is gone."""
+    is_connected(site)
     client = site.client("olga")
     before = len(client.get("/api/commands"))
     asked: list[Route] = []
@@ -455,6 +480,71 @@ def test_escape_before_the_answer_leaves_no_selection(page: Page, site: Site) ->
         ),
         "the selection is cancelled",
     )
+
+
+def test_answer_is_ordered_by_what_it_says_and_not_by_a_clock(page: Page, site: Site) -> None:
+    """The times of a command are of two programs; a clock may be set back, and a busy one looks late."""
+    is_connected(site)
+
+    def later(route: Route) -> None:
+        answer = route.fetch()
+        route.fulfill(response=answer, json={**answer.json(), "changed": now_ms() + 3_600_000})
+
+    page.route("**/api/commands", later)
+    open_command(page, "pump")
+    page.locator("dialog .choices button").nth(1).click()
+    page.locator("dialog button.main").click()
+    expect(page.get_by_role("button", name="Execute")).to_be_enabled()
+    page.get_by_role("button", name="Cancel").click()
+    expect(page.locator("dialog .outcome")).to_have_class("outcome none")
+
+
+def test_end_of_a_command_that_came_without_a_connection_is_told(page: Page, site: Site) -> None:
+    """Who comes back is told all that is, and that command is no more."""
+    is_connected(site)
+    client = site.client("olga")
+    sockets: list[WebSocketRoute] = []
+    is_cut = False
+
+    def through(socket: WebSocketRoute) -> None:
+        if is_cut:
+            socket.close()
+        else:
+            socket.connect_to_server()
+            sockets.append(socket)
+
+    page.route_web_socket("**/api/stream", through)
+    load_again(page)
+    open_command(page, "pump")
+    page.locator("dialog .choices button").nth(1).click()
+    page.locator("dialog button.main").click()
+    expect(page.get_by_role("button", name="Execute")).to_be_enabled()
+    is_cut = True
+    sockets[-1].close()
+    expect(page.locator(".banner")).to_contain_text("No connection to the centre")
+    selected = client.get("/api/commands")[0]["id"]
+    client.post(f"/api/commands/{selected}/cancel")
+    until(lambda: client.get(f"/api/commands/{selected}")["state"] == 5, "it is cancelled")
+    is_cut = False
+    expect(page.locator("dialog .outcome")).to_have_class("outcome none")
+
+
+def test_list_that_comes_slowly_is_shown_and_not_asked_for_meanwhile(page: Page) -> None:
+    asked: list[Route] = []
+    page.clock.install()
+    page.route("**/api/events?*", lambda route: asked.append(route))
+    load_again(page)
+    view(page, "alarms")
+    page.get_by_role("button", name="Events").click()
+    until(lambda: page.wait_for_timeout(20) or asked, "it is asked for")
+    page.clock.run_for(60_000)
+    assert page.evaluate("fetch('api/me').then((answer) => answer.status)") == 200  # behind all others
+    assert len(asked) == 1
+    event = {"id": 1, "at": now_ms(), "station": 1, "point": 1, "value": 1, "quality": 0, "cause": 3}
+    asked[0].fulfill(json=[event])
+    expect(page.locator("tbody tr")).to_have_count(1)
+    page.clock.run_for(10_000)
+    until(lambda: page.wait_for_timeout(20) or len(asked) == 2, "it is asked for again")
 
 
 def test_events_have_the_word_of_their_quality(page: Page, stations: Stations, north: Station) -> None:
@@ -479,11 +569,7 @@ def test_absent_station_is_told_and_nothing_waits(
     expect(page.locator("dialog .outcome")).to_contain_text("The station is not connected")
     assert outcome(page) == "Not sent"
     stations.do(north.listen())
-    client = site.client("olga")
-    until(
-        lambda: next(each["link"] for each in client.get("/api/stations") if each["name"] == "north") == 3,
-        "connected again",
-    )
+    is_connected(site)
     assert not north.commanded
 
 
@@ -514,8 +600,7 @@ def test_point_is_found_and_its_last_hour_is_a_chart_and_a_file(
     page: Page, stations: Stations, north: Station
 ) -> None:
     stations.say(north, 4, M_ME_TF_1, measured(now_ms(), 1.25))
-    view(page, "points")
-    page.locator(".side .list button", has_text="north").click()
+    points_of_north(page)
     page.locator("#search").fill("level")
     rows = page.locator("tbody tr:not(.device)")
     expect(rows).to_have_count(1)
@@ -630,8 +715,7 @@ def test_lost_connection_is_shown_and_comes_back(
     page: Page, site: Site, stations: Stations, north: Station
 ) -> None:
     """What was told meanwhile is there then."""
-    view(page, "points")
-    page.locator(".side .list button", has_text="north").click()
+    points_of_north(page)
     expect(page.locator("td.value").first).to_be_visible()
     site.kill(site.centre)
     expect(page.locator(".banner")).to_contain_text("No connection to the centre")

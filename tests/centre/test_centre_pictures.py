@@ -306,15 +306,18 @@ def test_a_finger_commands_and_a_finger_that_drags_does_not(
         fingers("touchMove", (x + 60, y + 20))
         fingers("touchEnd")
         assert page.locator("dialog").count() == 0
-        view = page.locator(".drawing svg").get_attribute("viewBox")
-        assert view != "0 0 100 100"
+        expect(page.locator(".drawing svg")).not_to_have_attribute("viewBox", "0 0 100 100")
         page.get_by_role("button", name="Show all of it").tap()
+        expect(page.locator(".drawing svg")).to_have_attribute("viewBox", "0 0 100 100")
         fingers("touchStart", (100, 400), (200, 400))
         fingers("touchMove", (80, 400), (240, 400))
         fingers("touchMove", (60, 400), (280, 400))
         fingers("touchEnd")
-        wide = str(page.locator(".drawing svg").get_attribute("viewBox")).split()[2]
-        assert 30 < float(wide) < 70
+
+        def wide(page: Page = page) -> float:
+            return float(str(page.locator(".drawing svg").get_attribute("viewBox")).split()[2])
+
+        until(lambda wide=wide: 30 < wide() < 70, "it is larger")
         page.get_by_role("button", name="Show all of it").tap()
         part(page, "lamp").tap()
         expect(page.locator("dialog h2")).to_have_text("Command: pump")
@@ -347,12 +350,12 @@ def test_zoom_and_pan(plant: Page) -> None:
 
     assert box() == [0, 0, 100, 100]
     plant.get_by_role("button", name="Larger").click()
-    assert box()[2] == 80
+    until(lambda: box()[2] == 80, "it is larger")
     part(plant, "level").focus()
     plant.keyboard.press("ArrowRight")
-    assert box()[0] == 18
+    until(lambda: box()[0] == 18, "it is further to the right")
     plant.keyboard.press("0")
-    assert box() == [0, 0, 100, 100]
+    until(lambda: box() == [0, 0, 100, 100], "it is all there again")
     place = part(plant, "tank").bounding_box()
     assert place
     plant.mouse.move(place["x"] + 5, place["y"] + 5)
@@ -362,7 +365,7 @@ def test_zoom_and_pan(plant: Page) -> None:
     plant.mouse.down()
     plant.mouse.move(place["x"] + 105, place["y"] + 5, steps=3)
     plant.mouse.up()
-    assert box()[0] < before[0]
+    until(lambda: box()[0] < before[0], "it is moved")
     assert plant.locator("dialog").count() == 0
 
 
@@ -382,7 +385,10 @@ def test_dragged_it_is_moved_whole_and_at_rest_drawn_sharp(
     until(lambda: drawing.get_attribute("class") == "dragged", "it is dragged")
     assert drawing.get_attribute("viewBox") == before
     assert drawing.evaluate("one => getComputedStyle(one).willChange") == "transform"
-    assert drawing.evaluate("one => new DOMMatrix(getComputedStyle(one).transform).e") == 40
+    until(
+        lambda: drawing.evaluate("one => new DOMMatrix(getComputedStyle(one).transform).e") == 40,
+        "it is where the pointer is",
+    )
     say(stations, north, level=3.5)
     expect(part(plant, "level")).to_have_text("level 3.50 m")
     plant.mouse.up()

@@ -10,6 +10,11 @@ const ENDED = [STATE.REFUSED_SELECTION, STATE.INTERRUPTED_SELECTION, STATE.REFUS
 const NOT_SENT = { [RESULT.OUT_OF_RANGE]: "out_of_range", [RESULT.BUSY]: "busy" };
 const CHOICES = { single: [0, 1], double: [1, 2], step: [-1, 1] };
 
+// How far it is.
+function stage(command) {
+  return ENDED.includes(command.state) ? Infinity : command.state;
+}
+
 // How it ended: {kind, head, more}
 export function fate(command) {
   if (command.state === STATE.EXECUTED_COMMAND) return { kind: "good", head: t("fate_done"), more: t("fate_done_more") };
@@ -91,15 +96,21 @@ export function commandDialogue(pointId) {
     update();
   }
 
-  // An answer of HTTP may come after a newer one of the stream.
+  // An answer of HTTP may come after a newer one of the stream. Their times do not tell: they are of the centre and of rtu-centre, whose clocks are
+  // looked at when it is their turn, and may be set.
   function took(next) {
-    if (command && (next.id !== command.id || next.changed < command.changed || next.state === command.state || ENDED.includes(command.state))) return;
+    if (command && (next.id !== command.id || stage(next) <= stage(command))) return;
     command = next;
     step(stateText(command), command.changed);
     if (command.state === STATE.ACCEPTED_SELECTION) end.replaceChildren(h("div", { class: "muted" }, t(command.release ? "wait_release" : "still_selected")));
     else if (ENDED.includes(command.state)) end.replaceChildren(outcome(fate(command)));
     else end.replaceChildren();
     if (left) leave();
+  }
+
+  // It ended while there was no connection: who is told all is not told of what has ended.
+  function missed() {
+    live.ask(`commands/${command.id}`).then((answer) => { took(answer); update(); }, () => {});
   }
 
   // Escape leaves no selection behind, nor one whose answer is yet to come.
@@ -122,6 +133,8 @@ export function commandDialogue(pointId) {
     go.hidden = Boolean(ended || running || (selected && command.release));
     go.disabled = busy || value === null;
     cancel.disabled = busy;
+    // A button that is disabled loses the focus. It goes to the one that does nothing by a second Enter.
+    if (!busy && dialog.open && !dialog.contains(document.activeElement)) cancel.focus();
   }
 
   go.addEventListener("click", () => {
@@ -136,9 +149,10 @@ export function commandDialogue(pointId) {
   dialog.addEventListener("cancel", () => {
     left = true;
   });
-  const unwatch = live.watch(() => {
+  const unwatch = live.watch(({ whole }) => {
     const newer = command && live.commands.get(command.id);
     if (newer) took(newer);
+    else if (whole && command && !ENDED.includes(command.state)) missed();
     update();
   });
   dialog.addEventListener("close", () => {

@@ -13,6 +13,7 @@ export function showFiles(body) {
   const list = h("ul");
   const panel = h("section", { class: "files", "aria-label": t("files"), role: "status", hidden: true }, list);
   let timer = 0;
+  let over = false; // an answer may come after the end
   body.append(panel);
   const rows = new Rows(list, (id, { name }) => {
     const bar = h("progress", { max: 1, "aria-label": name });
@@ -29,21 +30,29 @@ export function showFiles(body) {
   });
 
   async function look() {
-    const files = await live.ask("files").catch(() => []);
-    const open = files.filter((file) => OPEN.includes(file.state));
-    rows.show(open.map((file) => [file.id, file]));
-    panel.hidden = !open.length;
-    if (open.length) timer = setTimeout(look, AGAIN_MS);
+    clearTimeout(timer);
+    const files = await live.ask("files").catch(() => null); // a centre that is away for a moment still makes them
+    if (over) return;
+    if (files) {
+      const open = files.filter((file) => OPEN.includes(file.state));
+      rows.show(open.map((file) => [file.id, file]));
+      panel.hidden = !open.length;
+    }
+    if (!panel.hidden) again();
+  }
+
+  function again() {
+    clearTimeout(timer);
+    timer = setTimeout(look, AGAIN_MS);
   }
 
   const clicked = (event) => {
-    if (!event.target.closest?.("a[download]")) return;
-    clearTimeout(timer);
-    timer = setTimeout(look, AGAIN_MS);
+    if (event.target.closest?.("a[download]")) again();
   };
   document.addEventListener("click", clicked);
   look(); // of another tab, or from before the page was loaded again
   return () => {
+    over = true;
     clearTimeout(timer);
     document.removeEventListener("click", clicked);
   };

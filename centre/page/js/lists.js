@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // What a long list has above it: a field that filters it, and heads that sort it.
 import { empty, h, Rows, setText, th } from "./dom.js";
+import * as live from "./live.js";
 import { t } from "./words.js";
+
+const AGAIN_MS = 5000;
 
 // By name, as people count: names are compared only when there are others than the last time, since that of thousands takes longest of all.
 export function inOrder(nameOf, idOf = (thing) => thing.id) {
@@ -104,8 +107,6 @@ export function list(place, title, headings, head, load) {
     none.replaceChildren(...(found.length ? [] : [empty(t(`no_${title}`))]));
   }
   const failed = (error) => none.replaceChildren(h("p", { class: "empty error" }, t("failed", { error: error.message })));
-  show().catch(failed);
   place.firstElementChild.addEventListener("change", () => show().catch(failed));
-  const timer = setInterval(() => show().catch(failed), 5000);
-  return () => clearInterval(timer);
+  return live.repeat(() => show().catch(failed), AGAIN_MS);
 }

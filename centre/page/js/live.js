@@ -35,6 +35,22 @@ export async function ask(path, body, method = body === undefined ? "GET" : "POS
   throw new Refused(response.status, answer);
 }
 
+// At once, and again so long after each end, however long that takes: of two questions at a time the later answer need not be the newer one, and
+// a centre that is slow is not asked more than it answers. Returns what ends it.
+export function repeat(work, pauseMs) {
+  let timer = 0;
+  let over = false;
+  async function turn() {
+    await work();
+    if (!over) timer = setTimeout(turn, pauseMs);
+  }
+  turn();
+  return () => {
+    over = true;
+    clearTimeout(timer);
+  };
+}
+
 export function now() {
   return Date.now() + offset;
 }

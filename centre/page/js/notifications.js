@@ -32,7 +32,5 @@ export function showNotifications(place) {
     setText(failure, "");
   }
   const failed = (error) => setText(failure, t("failed", { error: error.message }));
-  show().catch(failed);
-  const timer = setInterval(() => show().catch(failed), AGAIN_MS);
-  return () => clearInterval(timer);
+  return live.repeat(() => show().catch(failed), AGAIN_MS);
 }

@@ -45,7 +45,5 @@ export function showRates(place, name) {
     setText(failure, "");
   }
   const failed = (error) => setText(failure, t("failed", { error: error.message }));
-  show().catch(failed);
-  const timer = setInterval(() => show().catch(failed), AGAIN_MS);
-  return () => clearInterval(timer);
+  return live.repeat(() => show().catch(failed), AGAIN_MS);
 }

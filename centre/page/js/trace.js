@@ -36,15 +36,14 @@ export function showTrace(place, station) {
     }
   }
 
-  const timer = setInterval(ask, PERIOD_MS);
   function end() {
     asks = false;
-    clearInterval(timer);
+    endAsking();
     place.replaceChildren();
   }
   place.replaceChildren(h("section", { class: "card trace" },
     h("div", { class: "row" }, h("h2", { class: "grow" }, `${t("trace")}: ${station.name}`), failure, h("button", { class: "small", onclick: end }, t("close"))),
     h("div", { class: "scroll" }, h("table", {}, h("thead", {}, h("tr", {}, ...headings.map((key) => th(key)))), body))));
-  ask();
+  const endAsking = live.repeat(ask, PERIOD_MS);
   return end;
 }
