@@ -38,8 +38,8 @@ inputs() {
 		find "$board"/{skeleton,rootfs-overlay,"boards/$name"} "$build/root/$gateway" -type f -print0
 		printf '%s\0' "$build"/{root/packages.versions,busybox/busybox,chrony/inputs,linux/inputs,"dtb/$device_tree"} \
 			${update:+"$build/swupdate/inputs"} ${pull:+"$build/curl/inputs"}
-		printf '%s\0' "$board"/{system.toml,post-build.sh,place-macs.sh,system.fragment}
-		printf '%s\0' "$tree"/package/openrtu/{S80rtud,openrtu.mk}
+		printf '%s\0' "$board"/{system.toml,users,post-build.sh,place-macs.sh,system.fragment}
+		printf '%s\0' "$tree"/package/openrtu/{S80rtud,openrtu.mk} "$tree/configs/parts/system.config"
 		printf '%s\0' "$tree"/scripts/{build-system.sh,build-linux.sh,image/cpio.py,image/gateway.py,image/rootfs.py}
 		# Not what an image takes of it, nor what nuc980-netboot keeps there.
 		[ -z "${SITE_SETTINGS:-}" ] || find "$SITE_SETTINGS" -maxdepth 1 -type f ! -name update-number \

@@ -37,6 +37,8 @@ define OPENRTU_USERS
 	$(OPENRTU_IEC61850_USER)
 	$(OPENRTU_WEB_USER)
 	rtu-gps 61215 openrtu 61200 * - - dialout OpenRTU positions
+	rtu-journal 61202 openrtu 61200 * - - - OpenRTU journal
+	rtu-goose 61219 openrtu 61200 * - - - OpenRTU GOOSE
 	rtu-pull 61199 rtu-pull 61199 * - - - OpenRTU updates that the board fetches
 endef
 

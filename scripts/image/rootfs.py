@@ -25,6 +25,9 @@ ROOT = Path(__file__).resolve().parents[2]
 BOARD = ROOT / "board" / "nuc980"
 PACKAGE = ROOT / "package" / "openrtu"
 TABLE = BOARD / "system.toml"
+# What Buildroot's images take too: users beside the gateway's own, and what the system is called.
+USERS = BOARD / "users"
+SETTINGS = ROOT / "configs" / "parts" / "system.config"
 LIBRARY_FOLDERS = ("lib/arm-linux-gnueabi", "usr/lib/arm-linux-gnueabi")
 ELF = b"\x7fELF"
 WITH_OPENSSL = ("rtu-snmp", "rtu-web")
@@ -34,8 +37,6 @@ WITH_OPENSSL = ("rtu-snmp", "rtu-web")
 class Table:
     """board/nuc980/system.toml."""
 
-    hostname: str
-    issue: str
     programs: dict[str, list[str]]
     library_packages: list[str]
     tls_packages: list[str]
@@ -57,8 +58,6 @@ def read_table(file: Path) -> Table:
     try:
         table = tomllib.loads(file.read_text(encoding="utf-8"))
         return Table(
-            hostname=table["hostname"],
-            issue=table["issue"],
             programs=table["programs"],
             library_packages=table["libraries"]["packages"],
             tls_packages=table["tls"]["packages"],
@@ -77,8 +76,8 @@ def read_table(file: Path) -> Table:
 
 # ---- users ---------------------------------------------------------------------------------------
 
-# Buildroot's syntax of package users: name, uid, group, gid, password, home, shell, further groups, comment.
-USER = re.compile(r"^\t([a-z][\w-]*) (\d+) ([a-z][\w-]*) (\d+) \* - - (\S+) (.+)$", re.MULTILINE)
+# Buildroot's syntax: name, uid, group, gid, password, home, shell, further groups, comment.
+USER = re.compile(r"^\t?([a-z][\w-]*) (\d+) ([a-z][\w-]*) (\d+) \* (-|/\S+) - (\S+) (.+)$", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -87,22 +86,31 @@ class User:
     uid: int
     group: str
     gid: int
+    home: str
     more_group: str | None
     comment: str
 
     @property
     def passwd(self) -> str:
-        return f"{self.name}:x:{self.uid}:{self.gid}:{self.comment}:/:/bin/false"
+        return f"{self.name}:x:{self.uid}:{self.gid}:{self.comment}:{self.home}:/bin/false"
 
 
-def users_of(makefile: Path) -> list[User]:
-    """The users that a Buildroot package has; without one UnusableInput is raised."""
+def users_of(file: Path) -> list[User]:
+    """The users of a table or of a Buildroot package; without one UnusableInput is raised."""
     users = [
-        User(name, int(uid), group, int(gid), None if more == "-" else more, comment)
-        for name, uid, group, gid, more, comment in USER.findall(makefile.read_text(encoding="utf-8"))
+        User(
+            name,
+            int(uid),
+            group,
+            int(gid),
+            home.removeprefix("-") or "/",
+            more.removeprefix("-") or None,
+            comment,
+        )
+        for name, uid, group, gid, home, more, comment in USER.findall(file.read_text(encoding="utf-8"))
     ]
     if not users:
-        raise UnusableInput(f"{makefile} has no line of a user, as Buildroot's manual describes it")
+        raise UnusableInput(f"{file} has no line of a user, as Buildroot's manual describes it")
     return users
 
 
@@ -132,6 +140,22 @@ def join(groups: Path, group: str, name: str) -> None:
     if not found:
         raise UnusableInput(f"{groups} has no group {group}, which {name} is to be in")
     groups.write_text(text, encoding="utf-8")
+
+
+def setting(name: str) -> str:
+    """Of Buildroot's images."""
+    found = re.search(rf'^{name}="(.+)"$', SETTINGS.read_text(encoding="utf-8"), re.MULTILINE)
+    if not found:
+        raise UnusableInput(f"{SETTINGS} has no {name}")
+    return found[1]
+
+
+def name_system(etc: Path) -> None:
+    """As Buildroot does it."""
+    hostname, issue = (setting(f"BR2_TARGET_GENERIC_{name}") for name in ("HOSTNAME", "ISSUE"))
+    (etc / "hostname").write_text(f"{hostname}\n", encoding="utf-8")
+    (etc / "issue").write_text(f"{issue}\n", encoding="utf-8")
+    append(etc / "hosts", [f"127.0.1.1\t{hostname}"])
 
 
 # ---- files ---------------------------------------------------------------------------------------
@@ -245,9 +269,8 @@ def make_root(
     for path, to in table.links.items():
         link(root / path, to)
     add_libraries(root, packages, table.more_libraries)
-    (root / "etc/hostname").write_text(f"{table.hostname}\n", encoding="utf-8")
-    (root / "etc/issue").write_text(f"{table.issue}\n", encoding="utf-8")
-    add_users(root / "etc", users_of(PACKAGE / "openrtu.mk"))
+    name_system(root / "etc")
+    add_users(root / "etc", [*users_of(USERS), *users_of(PACKAGE / "openrtu.mk")])
     (root / "etc/shadow").chmod(0o600)
 
 

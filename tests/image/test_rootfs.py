@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 from pathlib import Path
 
@@ -12,15 +13,18 @@ from image.rootfs import (
     BOARD,
     PACKAGE,
     TABLE,
+    USERS,
     UnusableInput,
     add_libraries,
     add_users,
     copy_tree,
+    name_system,
     needs_openssl,
     read_table,
     users_of,
 )
 
+BASE = 61200  # rtud/main.c: the group of all modules; a module has its number above
 GROUPS = "root:x:0:\ndialout:x:18:{members}\nnogroup:x:65534:\n"
 FOLDER = "usr/lib/arm-linux-gnueabi"
 
@@ -66,22 +70,41 @@ def packages(tmp_path: Path) -> Path:
 # ---- users
 
 
-def test_users_are_those_of_the_buildroot_package(etc: Path) -> None:
-    add_users(etc, users_of(PACKAGE / "openrtu.mk"))
+def numbers_of_kinds() -> dict[str, int]:
+    """Of the modules whose user is fixed: what rtud gives their processes."""
+    found = {}
+    for file in (PACKAGE / "src/modules").glob("*/kind.c"):
+        text = file.read_text()
+        if number := re.search(r"#define (?:FIRST_)?USER\s+(\d+)", text):
+            name = re.search(r'\{"(rtu-\w+)", |\.name = "(rtu-\w+)"', text)
+            assert name is not None, file
+            found[name[1] or name[2]] = BASE + int(number[1])
+    return found
+
+
+def test_each_module_of_a_kind_with_a_number_has_a_name(etc: Path) -> None:
+    users = users_of(PACKAGE / "openrtu.mk")
+    beside = {"openrtu": BASE, "rtu-pull": BASE - 1}
+    assert {user.name: user.uid for user in users} == numbers_of_kinds() | beside
+    assert len(numbers_of_kinds()) == 9
+    add_users(etc, users)
     rows = [line.split(":") for line in (etc / "passwd").read_text().splitlines()]
-    assert {row[0]: (row[2], row[3], row[6]) for row in rows} == {
-        "openrtu": ("61200", "61200", "/bin/false"),
-        "rtu-iec104": ("61201", "61200", "/bin/false"),
-        "rtu-104m": ("61214", "61200", "/bin/false"),
-        "rtu-modbus": ("61203", "61200", "/bin/false"),
-        "rtu-snmp": ("61216", "61200", "/bin/false"),
-        "rtu-gps": ("61215", "61200", "/bin/false"),
-        "rtu-iec61850": ("61217", "61200", "/bin/false"),
-        "rtu-web": ("61218", "61200", "/bin/false"),
-        "rtu-pull": ("61199", "61199", "/bin/false"),
-    }
+    assert {row[6] for row in rows} == {"/bin/false"}
+    assert {row[0]: row[3] for row in rows if row[3] != str(BASE)} == {"rtu-pull": "61199"}
     groups = (etc / "group").read_text()
     assert groups == GROUPS.format(members="rtu-gps,rtu-modbus") + "openrtu:x:61200:\nrtu-pull:x:61199:\n"
+
+
+def test_user_of_the_system_has_the_home_that_the_table_says(etc: Path) -> None:
+    add_users(etc, users_of(USERS))
+    assert (etc / "passwd").read_text() == "chrony:x:123:123:chrony:/run/chrony:/bin/false\n"
+
+
+def test_board_is_called_as_in_the_image_of_buildroot(etc: Path) -> None:
+    (etc / "hosts").write_text("127.0.0.1\tlocalhost\n")
+    name_system(etc)
+    assert [(etc / name).read_text() for name in ("hostname", "issue")] == ["openrtu\n", "OpenRTU\n"]
+    assert (etc / "hosts").read_text() == "127.0.0.1\tlocalhost\n127.0.1.1\topenrtu\n"
 
 
 def test_no_user_has_a_password(etc: Path) -> None:
@@ -178,7 +201,7 @@ def test_table_can_be_read() -> None:
     }
 
 
-@pytest.mark.parametrize("text", ["", "hostname = ", 'hostname = "a"\nlibraries = 3\n'])
+@pytest.mark.parametrize("text", ["", "programs = ", "programs = {}\nlibraries = 3\n"])
 def test_unusable_table_is_said(tmp_path: Path, text: str) -> None:
     (tmp_path / "system.toml").write_text(text)
     with pytest.raises(UnusableInput, match="it must be a table as"):

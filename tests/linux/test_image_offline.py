@@ -162,6 +162,12 @@ def test_root_is_not_writable(board: Board, file: str) -> None:
         board.inside(f"echo x >> {file}")
 
 
+@pytest.mark.parametrize("folder", ["/dev/shm", "/run", "/tmp", "/var/log", "/var/tmp"])
+def test_what_is_written_in_memory_is_bounded(board: Board, folder: str) -> None:
+    row = board.inside(f"df -k {folder}").splitlines()[-1].split()
+    assert 0 < int(row[-5]) <= 8 * 1024
+
+
 def test_root_is_the_ubi_volume(board: Board) -> None:
     rows = {row.split()[1]: row.split() for row in board.inside("cat /proc/mounts").splitlines()}
     assert rows["/"][0:3:2] == ["ubi0:root_a", "ubifs"]
