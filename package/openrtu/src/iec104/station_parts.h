@@ -173,7 +173,7 @@ void iec104_forget_told(const struct iec104_station *station, struct iec104_conn
 			uint32_t module);
 /* An event of the point was sent. */
 void iec104_note_told(struct iec104_connection *connection, uint32_t point);
-/* What is sent of a point in a manner, from what was read. False: nothing, it needs not be told. */
+/* What is sent of a point in a manner that is invalid or current, from what was read. False: nothing, it needs not be told. */
 bool iec104_adapt(const struct iec104_station *station, struct iec104_connection *connection, uint32_t point,
 		  const struct iec104_manner *manner, struct map_sample samples[IEC104_SAMPLES]);
 

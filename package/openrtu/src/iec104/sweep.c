@@ -221,6 +221,7 @@ static bool fill_asdu(const struct iec104_station *station, struct iec104_connec
 	uint32_t device = sweep->device, point = sweep->next;
 	unsigned kind = kind_of(station, point);
 	bool sequence = !manner->tagged && neighbour_follows(station, connection, point, manner->wanted);
+	const bool as_read = !manner->invalid && !manner->current;
 
 	iec104_begin_asdu(station, builder, point, manner, sequence);
 	do {
@@ -228,7 +229,7 @@ static bool fill_asdu(const struct iec104_station *station, struct iec104_connec
 
 		if (!iec104_read_point(station, connection, point, manner->totals, samples))
 			return false;
-		if (iec104_adapt(station, connection, point, manner, samples) &&
+		if ((as_read || iec104_adapt(station, connection, point, manner, samples)) &&
 		    iec104_is_tellable(station, point, &samples[0]) &&
 		    !iec104_add_samples(station, builder, point, samples, manner->tagged))
 			return true;

@@ -58,14 +58,22 @@ static void invalidate(const struct iec104_station *station, struct iec104_conne
 	samples[0].time_ns = connection->down_ns;
 }
 
-bool iec104_adapt(const struct iec104_station *station, struct iec104_connection *connection, uint32_t point,
-		  const struct iec104_manner *manner, struct map_sample samples[IEC104_SAMPLES])
+/* As of the moment at least when its module was lost or back. */
+static void bring_up_to_date(const struct iec104_station *station, const struct iec104_connection *connection,
+			     uint32_t point, struct map_sample *sample)
 {
 	const int64_t module_ns = connection->module_ns[map_owner(station->map, point)];
 
+	if (sample->time_ns < module_ns)
+		sample->time_ns = module_ns;
+}
+
+bool iec104_adapt(const struct iec104_station *station, struct iec104_connection *connection, uint32_t point,
+		  const struct iec104_manner *manner, struct map_sample samples[IEC104_SAMPLES])
+{
 	if (manner->invalid)
 		invalidate(station, connection, point, samples);
-	if (manner->current && samples[0].time_ns < module_ns)
-		samples[0].time_ns = module_ns;
+	if (manner->current)
+		bring_up_to_date(station, connection, point, &samples[0]);
 	return !(manner->valid_only && ((samples[0].quality & MAP_INVALID) || is_told(connection, point)));
 }
