@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import struct
 import subprocess
+from dataclasses import astuple, dataclass
 from pathlib import Path
+from typing import Self
 
 from lab.gateway import REPOSITORY
 
@@ -20,10 +22,31 @@ OPTIONS = ["-Os", "-std=gnu11", "-D_GNU_SOURCE", "-D_TIME_BITS=64", "-D_FILE_OFF
 MODULES = ("modules/rtu-iec104", "modules/rtu-snmp")
 
 
-def missing() -> list[Path]:
+AGENT_LIBRARY = AGENT / "agent/.libs/libnetsnmpagent.a"
+
+
+@dataclass(frozen=True)
+class Counts:
+    """What count_memory.c counts: counts.h."""
+
+    instructions: float = 0.0
+    calls: float = 0.0
+    octets: float = 0.0  # between the cache for data and memory
+
+    def __add__(self, other: Self) -> Self:
+        return type(self)(*(one + more for one, more in zip(astuple(self), astuple(other), strict=True)))
+
+    def __sub__(self, other: Self) -> Self:
+        return type(self)(*(one - less for one, less in zip(astuple(self), astuple(other), strict=True)))
+
+    def __truediv__(self, times: int) -> Self:
+        return type(self)(*(each / times for each in astuple(self)))
+
+
+def missing(*more: Path) -> list[Path]:
+    """What a gateway under QEMU needs, and more, as far as it is not built."""
     wanted = [PROGRAMS / name for name in ("rtud/rtud", "rtuctl/rtuctl", *MODULES)]
-    wanted += [PLUGIN_API / "qemu-plugin.h", AGENT / "agent/.libs/libnetsnmpagent.a"]
-    return [file for file in wanted if not file.exists()]
+    return [file for file in (*wanted, PLUGIN_API / "qemu-plugin.h", *more) if not file.exists()]
 
 
 def built(program: Path, source: str, *more: str | Path) -> Path:
@@ -39,11 +62,11 @@ def build_plugin(plugin: Path, source: str) -> None:
 class Emulated:
     """A folder with programs that run under QEMU, and what each has had carried out."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, plugin: str = "count_instructions.c") -> None:
         self.folder = folder
         self.plugin = folder / "count.so"
         folder.mkdir()
-        build_plugin(self.plugin, "count_instructions.c")
+        build_plugin(self.plugin, plugin)
 
     def add(self, name: str, program: Path) -> Path:
         place = self.folder / name
@@ -73,6 +96,11 @@ class Emulated:
 
     def _count_of(self, name: str) -> Path:
         return self.folder / f"{Path(name).name}.count"
+
+    def counts(self, name: str) -> Counts:
+        """Of the plugin count_memory.c."""
+        octets = self._count_of(name).read_bytes()
+        return Counts(*struct.unpack("<3Q", octets)) if octets else Counts()
 
     def millions(self, name: str) -> float:
         octets = self._count_of(name).read_bytes()
