@@ -5,7 +5,7 @@
 #include <stdio.h>
 
 #include "map/time_ns.h"
-#include "modules/modbus/convert.h"
+#include "modbus/convert.h"
 
 #define REFUSALS_AT_ONCE   40 /* what a device with a wrong template lacks */
 #define REFUSALS_PERIOD_NS (60 * NS_PER_S)

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "map/type.h"
-#include "modules/modbus/convert.h"
+#include "modbus/convert.h"
 
 /* What is on there is a coil that is off. */
 static bool has_inverted_coils(const struct modbus_point *point)

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Commands on a map of their own, with a line that the test holds in its hand. */
 #include "map/test_stage.h"
+#include "modbus/convert.h"
 #include "modules/modbus/commands.h"
-#include "modules/modbus/convert.h"
 
 #define MS         1000000LL
 #define COIL       1 /* a single point */

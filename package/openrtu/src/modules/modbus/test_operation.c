@@ -7,7 +7,7 @@
 #include <cmocka.h>
 #include <float.h>
 
-#include "modules/modbus/convert.h"
+#include "modbus/convert.h"
 #include "modules/modbus/operation.h"
 
 #define UNIT  7

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-#include "modules/modbus/convert.h"
+#include "modbus/convert.h"
 
 #include <float.h>
 #include <math.h>

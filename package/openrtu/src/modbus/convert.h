@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Between a Modbus object's bits or registers and a point's value. */
-#ifndef OPENRTU_MODULES_MODBUS_CONVERT_H
-#define OPENRTU_MODULES_MODBUS_CONVERT_H
+#ifndef OPENRTU_MODBUS_CONVERT_H
+#define OPENRTU_MODBUS_CONVERT_H
 
 #include <stdbool.h>
 #include <stdint.h>

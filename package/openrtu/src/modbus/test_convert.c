@@ -9,7 +9,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "modules/modbus/convert.h"
+#include "modbus/convert.h"
 
 static struct modbus_point of_format(enum map_type type, enum modbus_format format, uint16_t flags)
 {
