@@ -137,6 +137,7 @@ COMPANIONS: dict[str, dict[str, Any]] = {
     "response_timeout_min_ms": {"response_timeout_ms": 10000},
     "bit_order": {"type": "double"},
     "word_order": {"type": "float"},
+    "bits": {"ioa": 60010},
     "decimals": {"type": "float"},
     "register_bits.bit_order": {"type": "double"},
     "counter_group": {"type": "counter"},

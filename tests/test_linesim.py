@@ -213,14 +213,18 @@ def test_an_object_has_the_registers_of_its_format(linesim_program: Path, tmp_pa
         {"address": 20, "type": "float", "format": "int16", "scale_register": 23},
         {"address": 30, "type": "double", "bit": 3, "ioa": 1},
         {"register": "40032"},
+        {"address": 34, "format": "bcd48"},
+        {"address": 40, "format": "mod10_64"},
+        {"address": 46, "type": "float", "format": "fixed24_8"},
+        {"address": 50, "type": "float", "bits": [0, 3], "ioa": 2},
     ]
     port = {"value": 1, "active": 1, "baud_rate": 9600, "data_bits": 8, "stop_bits": 1, "parity": 0}
     config = {"port": [{**port, "slaves": [{"id": 1, HOLDING: objects}]}, {"active": 1, "host": "192.0.2.1"}]}
     file = tmp_path / "gateway.json"
     file.write_text(json.dumps(config))
-    there = {0, 1, 2, 3, 10, 20, 21, 22, 23, 30, 31}
+    there = {0, 1, 2, 3, 10, 20, 21, 22, 23, 30, 31, 34, 35, 36, 40, 41, 42, 43, 46, 47, 50}
     with LineSim(file, None, tmp_path / "dev", program=linesim_program) as sim:
-        for address in range(32):
+        for address in range(52):
             if address in there:
                 sim.set("1.1", HOLDING, address, 1)
             else:

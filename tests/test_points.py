@@ -165,19 +165,54 @@ def test_a_clash_names_both_places(programs: Path, tmp_path: Path) -> None:
     )
 
 
-def test_a_table_of_bits_and_words_that_share_a_register(programs: Path, tmp_path: Path) -> None:
+def covered(programs: Path, path: Path, *registers: dict[str, Any]) -> list[list[str]]:
+    """Of each message: the objects that cover something twice."""
+    file = write(path / "gateway.json", plant_of({"id": 1, "input_registers": list(registers)}))
+    messages = rtud(programs, "--check", file).stderr.splitlines()
+    return [re.findall(r"input_registers\[(\d)\]", message) for message in messages]
+
+
+def test_a_register_is_a_value_and_fields_and_bits(programs: Path, tmp_path: Path) -> None:
     registers = [
         {"address": 5, "format": "int64"},
         {"address": 6, "ioa": 1, "bit": 1},
+        {"address": 6, "ioa": 2, "bits": [1, 3]},
+        {"address": 8, "ioa": 3, "bits": [0, 7]},
+        {"address": 8, "ioa": 4, "bits": [8, 14]},
+        {"address": 8, "ioa": 5, "bits": [15, 15], "name": "one"},
+        {"address": 8, "ioa": 6, "bit": 15},
+    ]
+    assert covered(programs, tmp_path, *registers) == []
+    table = rtud(programs, "--points", "--csv", tmp_path / "gateway.json").stdout
+    assert {row["name"]: row["bits"] for row in csv.DictReader(io.StringIO(table))} == {
+        "p1.1.i5": "",
+        "p1.1.i6.1": "",
+        "p1.1.i6.1-3": "[1,3]",
+        "p1.1.i8.0-7": "[0,7]",
+        "p1.1.i8.8-14": "[8,14]",
+        "one": "[15,15]",
+        "p1.1.i8.15": "",
+    }
+
+
+def test_no_bit_of_a_register_is_two_of_a_kind(programs: Path, tmp_path: Path) -> None:
+    registers = [
+        {"address": 5, "format": "int64"},
+        {"address": 8, "ioa": 1},
         {"address": 9, "ioa": 2, "bit": 1},
         {"address": 9, "ioa": 3, "bit": 2},
         {"address": 9, "ioa": 4, "bit": 1, "type": "double"},
-        {"address": 8, "ioa": 5, "bit": 0},
+        {"address": 9, "ioa": 5, "bits": [0, 4]},
+        {"address": 9, "ioa": 6, "bits": [4, 7]},
+        {"address": 8, "ioa": 7, "bits": [0, 15]},  # the whole of it
     ]
-    file = write(tmp_path / "gateway.json", plant_of({"id": 1, "input_registers": registers}))
-    messages = rtud(programs, "--check", file).stderr.splitlines()
-    covers = [re.findall(r"input_registers\[(\d)\]", message) for message in messages]
-    assert covers == [["1", "0"], ["5", "0"], ["4", "2"], ["3", "4"]]
+    assert covered(programs, tmp_path, *registers) == [
+        ["1", "0"],
+        ["7", "1"],
+        ["6", "5"],
+        ["4", "2"],
+        ["3", "4"],
+    ]
 
 
 INCLUDES = {
@@ -288,6 +323,19 @@ def test_slaves_of_a_template_that_are_wrong(
         ({"scale_table": [[0, 0], [1, "x"]]}, "scale_table[1]: is not a pair [raw, value] of numbers"),
         ({"scale_table": [[0, 0], [1, 1], [2, 0]]}, "scale_table: must rise all the way or fall all the way"),
         ({"inverted": True}, "inverted: has no meaning for type scaled"),
+        ({"bits": [0, 3]}, "ioa: is missing: a bit of a register has no IOA by itself"),
+        ({"bits": [0, 16], "ioa": 1}, "bits: is not the first and the last bit of a register"),
+        ({"bits": [3, 0], "ioa": 1}, "bits: is not the first and the last bit of a register"),
+        ({"bits": [3], "ioa": 1}, "bits: is not the first and the last bit of a register"),
+        ({"bits": [0, 3], "ioa": 1, "format": "int32"}, "bits: has no meaning for format int32"),
+        ({"bits": [0, 3], "ioa": 1, "signed": False}, "signed: has no meaning beside bits"),
+        ({"bits": [0, 3], "ioa": 1, "type": "counter"}, "bits: has no meaning for type counter"),
+        ({"bits": [0, 3], "ioa": 1, "bit": 1}, "bits: has no meaning for type single"),
+        ({"bits": [0, 3], "ioa": 1, "word_order": "big"}, "word_order: has no meaning for"),
+        ({"type": "counter", "format": "fixed24_8"}, '"fixed24_8" is not a format of type counter'),
+        ({"type": "counter", "format": "bcd32", "scale": 2}, "scale: has no meaning for a counter"),
+        ({"format": "bcd16", "unimplemented": True}, "unimplemented: has no meaning for format bcd16"),
+        ({"format": "uint48", "address": 65534, "ioa": 1}, "which covers three addresses, expected 0"),
     ],
 )
 def test_values_that_do_not_go_together(

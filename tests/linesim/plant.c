@@ -60,8 +60,10 @@ static json_t *load(const char *path, char *error)
 static const struct {
 	const char *name;
 	long width;
-} formats[] = {{"int16", 1}, {"uint16", 1}, {"int32", 2},   {"uint32", 2},
-	       {"int64", 4}, {"uint64", 4}, {"float32", 2}, {"float64", 4}},
+} formats[] = {{"int16", 1},    {"uint16", 1},   {"int32", 2},   {"uint32", 2},  {"int48", 3},
+	       {"uint48", 3},   {"int64", 4},    {"uint64", 4},  {"float32", 2}, {"float64", 4},
+	       {"bcd16", 1},    {"bcd32", 2},    {"bcd48", 3},   {"bcd64", 4},   {"fixed24_8", 2},
+	       {"mod10_32", 2}, {"mod10_48", 3}, {"mod10_64", 4}},
   types[] = {{"double", 2}, {"float", 2}, {"counter", 2}, {"bitstring", 2}};
 
 static long width(json_t *object)
@@ -69,7 +71,7 @@ static long width(json_t *object)
 	const char *type = json_string_value(json_object_get(object, "type"));
 	const char *format = json_string_value(json_object_get(object, "format"));
 
-	if (json_object_get(object, "bit"))
+	if (json_object_get(object, "bit") || json_object_get(object, "bits"))
 		return 1;
 	for (size_t i = 0; format && i < sizeof formats / sizeof *formats; i++)
 		if (strcmp(format, formats[i].name) == 0)

@@ -173,7 +173,7 @@ static struct iec61850_server *fuzz_server(void)
 		return &server;
 	for (uint32_t i = 0; i < FUZZ_POINTS; i++)
 		fuzz_points[i] = (struct map_point){
-		    .name = map_label('c', (uint16_t)i, -1),
+		    .name = map_label('c', (uint16_t)i, 0, 0),
 		    .set = (uint16_t)(i / MAP_TYPES),
 		    .type = (uint8_t)(i % MAP_TYPES),
 		    .flags = i % 2 ? MAP_POINT_COMMAND | (i % 4 == 3 ? MAP_POINT_SELECT : 0u) : 0u,

@@ -5,22 +5,31 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Of map_label. */
-#define LABEL_BIT (1u << 23)
+/* Of map_label: ".7", ".8-15", or nothing. */
+static void bits_of_label(uint32_t label, char out[MAP_NAME_SIZE])
+{
+	const unsigned first = label >> 16 & 0xf, bits = label >> 20 & 0xf;
+
+	out[0] = '\0';
+	if (bits == 1)
+		snprintf(out, MAP_NAME_SIZE, ".%u", first);
+	else if (bits > 1)
+		snprintf(out, MAP_NAME_SIZE, ".%u-%u", first, first + bits - 1);
+}
 
 void map_point_name(const struct map_config *config, const struct map_point *point, char out[MAP_NAME_SIZE])
 {
 	const struct map_set *set = &config->sets[point->set];
 	const uint32_t label = point->name;
+	char bits[MAP_NAME_SIZE];
 
-	if (!(label & MAP_LABEL))
+	if (!(label & MAP_LABEL)) {
 		snprintf(out, MAP_NAME_SIZE, "%s", &config->names[point->name]);
-	else if (label & LABEL_BIT)
-		snprintf(out, MAP_NAME_SIZE, "%s.%c%u.%u", set->prefix, (int)(label >> 24 & 0x7f),
-			 (unsigned)(label & UINT16_MAX), (unsigned)(label >> 16 & 0xf));
-	else
-		snprintf(out, MAP_NAME_SIZE, "%s.%c%u", set->prefix, (int)(label >> 24 & 0x7f),
-			 (unsigned)(label & UINT16_MAX));
+		return;
+	}
+	bits_of_label(label, bits);
+	snprintf(out, MAP_NAME_SIZE, "%s.%c%u%s", set->prefix, (int)(label >> 24 & 0x7f),
+		 (unsigned)(label & UINT16_MAX), bits);
 }
 
 void map_add_section(struct map_config *config, uint32_t id, size_t record_size, uint32_t count,

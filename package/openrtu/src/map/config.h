@@ -277,13 +277,13 @@ void map_move_section(struct map_config *config, uint32_t id, void *records);
 uint32_t map_plan_module(struct map_config *config, const struct map_module_plan *module);
 
 /*
- * What stands in map_point.name of a point without a name: its name is its set's prefix, a letter, a number, and ".7" of a bit
- * (below 0: none), as in "p1.5.i30" or "p1.5.h4.7".
+ * What stands in map_point.name of a point without a name: its name is its set's prefix, a letter, a number, and what it has of
+ * that number's 16 bits: so many from one on, 0 of them: all, as in "p1.5.i30", "p1.5.h4.7" or "p1.5.h4.8-15".
  */
 #define MAP_LABEL (1u << 31)
-static inline uint32_t map_label(char letter, uint16_t number, int bit)
+static inline uint32_t map_label(char letter, uint16_t number, unsigned first_bit, unsigned bits)
 {
-	return MAP_LABEL | (uint32_t)letter << 24 | (bit < 0 ? 0 : 1u << 23 | (uint32_t)bit << 16) | number;
+	return MAP_LABEL | (uint32_t)letter << 24 | (bits & 0xfu) << 20 | (first_bit & 0xfu) << 16 | number;
 }
 
 /* A point's name: what the file gave it, or its label in its set. */

@@ -7,6 +7,7 @@
 #define OPENRTU_MODBUS_CONFIG_H
 
 #include "map/config.h"
+#include "modbus/format.h"
 
 #define MODBUS_PATH_SIZE 64 /* a serial device's path */
 
@@ -33,20 +34,6 @@ enum modbus_table {
 };
 
 enum modbus_parity { MODBUS_PARITY_NONE, MODBUS_PARITY_ODD, MODBUS_PARITY_EVEN }; /* the report's 0, 1, 2 */
-
-/* What a point's registers hold; a point of bits has MODBUS_FORMAT_BIT, in a register the bit number `bit`. */
-enum modbus_format {
-	MODBUS_FORMAT_BIT,
-	MODBUS_FORMAT_VTI, /* the low octet of a register */
-	MODBUS_FORMAT_INT16,
-	MODBUS_FORMAT_UINT16,
-	MODBUS_FORMAT_INT32,
-	MODBUS_FORMAT_UINT32,
-	MODBUS_FORMAT_INT64,
-	MODBUS_FORMAT_UINT64,
-	MODBUS_FORMAT_FLOAT32, /* IEEE 754 */
-	MODBUS_FORMAT_FLOAT64,
-};
 
 /* How a port's driver drives an RS-485 transceiver that has a direction pin. */
 enum modbus_rs485 {
@@ -124,12 +111,13 @@ struct modbus_point {
 	uint16_t second_address; /* of the second of two bits, or of the scale register */
 	uint8_t table;           /* enum modbus_table */
 	uint8_t type;            /* enum map_type, as the point has it */
-	uint8_t width : 4;       /* bits or registers it covers: 1, 2, 4 */
-	uint8_t format : 4;      /* enum modbus_format */
-	uint8_t bit;             /* of a bit in a register: its number from 0, the least significant */
-	uint8_t flags;           /* enum modbus_point_flag */
-	uint8_t knot_count;      /* of its scaling table, 0: scale and offset hold */
-	uint16_t first_knot;     /* of that, place among the configuration's knots */
+	uint8_t width : 3;       /* bits or registers it covers: 1 to 4 */
+	uint8_t format : 5;      /* enum modbus_format */
+	uint8_t bit : 4;     /* of bits of a register: the number of the first, 0 is the least significant */
+	uint8_t field : 4;   /* of a number in some bits of a register: how many, 0: it has whole registers */
+	uint8_t flags;       /* enum modbus_point_flag */
+	uint8_t knot_count;  /* of its scaling table, 0: scale and offset hold */
+	uint16_t first_knot; /* of that, place among the configuration's knots */
 	uint16_t scan_period_ms; /* between two reads of the device, 0: it is read in turn */
 	uint16_t
 	    judges;   /* 1 + place among the configuration's judges, 0: no status bit says anything of it */
@@ -196,6 +184,24 @@ static inline bool modbus_is_register_bit(const struct modbus_point *point)
 	       (point->type == MAP_SINGLE || point->type == MAP_DOUBLE);
 }
 
+/* A number in some bits of a register. */
+static inline bool modbus_is_field(const struct modbus_point *point)
+{
+	return point->field != 0;
+}
+
+/* It shares its register: a command leaves the other bits of it alone. */
+static inline bool modbus_is_part_of_register(const struct modbus_point *point)
+{
+	return modbus_is_register_bit(point) || modbus_is_field(point);
+}
+
+/* A counter of it goes round at 65 536, and the map counts on: MAP_UPDATE_NARROW. */
+static inline bool modbus_counts_16_bits(const struct modbus_point *point)
+{
+	return point->width == 1 && modbus_is_binary((enum modbus_format)point->format);
+}
+
 /* Modbus address of its bit or register number i, below width. */
 static inline uint32_t modbus_point_address(const struct modbus_point *point, uint32_t i)
 {
@@ -206,6 +212,8 @@ static inline bool modbus_has_scale_register(const struct modbus_point *point)
 {
 	return (point->flags & MODBUS_SCALE_REGISTER) != 0;
 }
+
+_Static_assert(MODBUS_FORMATS <= 32, "modbus_point.format has room for each");
 
 /* The Modbus addresses from first to last that one answer must hold, so that what it says belongs together. */
 struct modbus_extent {

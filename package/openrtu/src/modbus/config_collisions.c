@@ -109,22 +109,33 @@ static uint32_t ranges_of(const struct modbus_entry *entry, struct range *out)
 	return 2;
 }
 
+/* A register may be a value, fields and bits at once: who covers it twice in one of these ways has mistaken an address. */
+enum layer { WHOLE, FIELD, BITS };
+
+static enum layer layer_of(const struct modbus_entry *entry)
+{
+	if (modbus_is_register_bit(&entry->wire))
+		return BITS;
+	return modbus_is_field(&entry->wire) ? FIELD : WHOLE;
+}
+
 static unsigned bits_of(const struct modbus_point *point)
 {
+	if (modbus_is_field(point))
+		return point->field;
 	return point->type == MAP_DOUBLE ? 2 : 1;
 }
 
 /* They cover different bits of a register, or of several. */
 static bool share_registers(const struct modbus_entry *a, const struct modbus_entry *b)
 {
-	return modbus_is_register_bit(&a->wire) && modbus_is_register_bit(&b->wire) &&
-	       (a->wire.bit + bits_of(&a->wire) <= b->wire.bit ||
-		b->wire.bit + bits_of(&b->wire) <= a->wire.bit);
+	return layer_of(a) != WHOLE && (a->wire.bit + bits_of(&a->wire) <= b->wire.bit ||
+					b->wire.bit + bits_of(&b->wire) <= a->wire.bit);
 }
 
-static bool in_one_table(const struct modbus_entry *a, const struct modbus_entry *b)
+static bool in_one_layer(const struct modbus_entry *a, const struct modbus_entry *b)
 {
-	return a->point.set == b->point.set && a->wire.table == b->wire.table;
+	return a->point.set == b->point.set && a->wire.table == b->wire.table && layer_of(a) == layer_of(b);
 }
 
 static bool overlap(const struct modbus_entry *a, const struct modbus_entry *b)
@@ -136,7 +147,7 @@ static bool overlap(const struct modbus_entry *a, const struct modbus_entry *b)
 	for (uint32_t i = 0; i < count_a; i++)
 		for (uint32_t j = 0; j < count_b; j++)
 			any |= of_a[i].begin < of_b[j].end && of_b[j].begin < of_a[i].end;
-	return any && in_one_table(a, b) && !share_registers(a, b);
+	return any && in_one_layer(a, b) && !share_registers(a, b);
 }
 
 static int by_range(const void *left, const void *right)
@@ -144,9 +155,12 @@ static int by_range(const void *left, const void *right)
 	const struct range *a = left, *b = right;
 	int by_device = order(a->entry->point.set, b->entry->point.set);
 	int by_table = order(a->entry->wire.table, b->entry->wire.table);
+	int by_layer = order(layer_of(a->entry), layer_of(b->entry));
 
 	if (by_device != 0 || by_table != 0)
 		return by_device != 0 ? by_device : by_table;
+	if (by_layer != 0)
+		return by_layer;
 	if (a->begin != b->begin || a->end != b->end)
 		return a->begin != b->begin ? order(a->begin, b->begin) : order(a->end, b->end);
 	if (a->entry->wire.bit != b->entry->wire.bit)
@@ -156,7 +170,7 @@ static int by_range(const void *left, const void *right)
 
 static bool ranges_overlap(const struct range *a, const struct range *b)
 {
-	return in_one_table(a->entry, b->entry) && a->begin < b->end && b->begin < a->end &&
+	return in_one_layer(a->entry, b->entry) && a->begin < b->end && b->begin < a->end &&
 	       !share_registers(a->entry, b->entry);
 }
 
@@ -181,7 +195,7 @@ static void check_overlaps(struct modbus_loader *loader, const struct modbus_ent
 			before = farthest;
 		if (ranges_overlap(before, range))
 			refuse_pair(loader, range->entry, before->entry, "covers an address of");
-		if (!in_one_table(farthest->entry, range->entry) || range->end > farthest->end)
+		if (!in_one_layer(farthest->entry, range->entry) || range->end > farthest->end)
 			farthest = range;
 	}
 	free(ranges);

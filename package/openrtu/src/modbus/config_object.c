@@ -23,6 +23,7 @@ static const unsigned object_key_types[OBJECT_KEYS] = {
     [OBJECT_SIGNED] = BIT(MAP_NORMALIZED) | BIT(MAP_SCALED),
     [OBJECT_FORMAT] = OF_MEASURED | BIT(MAP_COUNTER) | BIT(MAP_BITSTRING),
     [OBJECT_BIT] = OF_BITS,
+    [OBJECT_BITS] = OF_MEASURED | BIT(MAP_BITSTRING), /* a counter of a few bits would go round unnoticed */
     [OBJECT_INVERTED] = OF_BITS,
     [OBJECT_BIT_ORDER] = BIT(MAP_DOUBLE),
     [OBJECT_SCALE_POINTS] = OF_MEASURED,
@@ -91,12 +92,13 @@ static void check_extent(struct modbus_loader *loader, const struct config_place
 {
 	const struct config_place here =
 	    modbus_object_key(object, values[OBJECT_REGISTER].given ? OBJECT_REGISTER : OBJECT_ADDRESS);
+	static const char *const counts[] = {"no", "one", "two", "three", "four"};
 	int64_t address = values[OBJECT_ADDRESS].integer;
 
 	if (address + width - 1 > MODBUS_ADDRESS_LAST)
 		config_error(loader->report, &here,
 			     "%lld is out of range for type %s, which covers %s addresses, expected 0 to %d",
-			     (long long)address, modbus_type_names[type], width == 2 ? "two" : "four",
+			     (long long)address, modbus_type_names[type], counts[width],
 			     MODBUS_ADDRESS_LAST + 1 - width);
 }
 
@@ -221,25 +223,27 @@ static struct modbus_point object_wire(const struct config_value *values, enum m
 	    &values[values[OBJECT_SCALE_REGISTER].given ? OBJECT_SCALE_REGISTER : OBJECT_SECOND];
 	enum modbus_format format = modbus_object_format(values, type);
 
-	return (struct modbus_point){
+	struct modbus_point point = {
 	    .address = address,
 	    .second_address = (uint16_t)(second->given ? second->integer : address + 1),
 	    .table = (uint8_t)table,
 	    .type = (uint8_t)type,
-	    .width = modbus_object_width(type, format, table) & 15u,
-	    .format = format & 15u,
-	    .bit = (uint8_t)values[OBJECT_BIT].integer,
+	    .width = modbus_object_width(type, format, table) & 7u,
+	    .format = format & 31u,
 	    .flags = wire_flags(values),
 	    .scan_period_ms = (uint16_t)values[OBJECT_PERIOD].integer,
 	};
+
+	modbus_object_bits(values, &point);
+	return point;
 }
 
 static uint32_t label_of(const struct modbus_point *point)
 {
 	static const char letters[] = {'c', 'd', 'i', 'h'}; /* of each table */
 
-	return map_label(letters[point->table], point->address,
-			 modbus_is_register_bit(point) ? point->bit : -1);
+	return map_label(letters[point->table], point->address, point->bit,
+			 modbus_is_register_bit(point) ? 1 : point->field);
 }
 
 static void name_point(struct modbus_loader *loader, const struct config_place *object,
@@ -289,7 +293,7 @@ static void check_object(struct modbus_loader *loader, const struct config_place
 		check_extent(loader, place, values, type,
 			     modbus_object_width(type, modbus_object_format(values, type), table));
 	if (!values[OBJECT_IOA].given && !values[OBJECT_IOA].wrong && !values[OBJECT_ADDRESS].wrong &&
-	    !values[OBJECT_BIT].given)
+	    !values[OBJECT_BIT].given && !values[OBJECT_BITS].given)
 		modbus_check_scheme(loader, place, values, table);
 	if (values[OBJECT_NAME].given)
 		config_check_name(loader->report, &name, values[OBJECT_NAME].text);

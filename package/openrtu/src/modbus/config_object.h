@@ -22,6 +22,7 @@ enum {
 	OBJECT_SELECT,
 	OBJECT_FORMAT,
 	OBJECT_BIT,
+	OBJECT_BITS,
 	OBJECT_INVERTED,
 	OBJECT_SIGNED,
 	OBJECT_WORD_ORDER,
@@ -85,6 +86,8 @@ uint8_t modbus_object_width(enum map_type type, enum modbus_format format, enum 
 /* Reports what does not go together of type, format, bits and scale. */
 void modbus_check_value(struct modbus_loader *loader, const struct config_place *object,
 			const struct config_value *values, enum map_type type, enum modbus_table table);
+/* Fills in which bits of its register the point has. The object has no errors. */
+void modbus_object_bits(const struct config_value *values, struct modbus_point *point);
 /* Fills in the point's scale, offset and knots. The object has no errors. False: there is no room, which is reported. */
 bool modbus_object_scale(struct modbus_loader *loader, const struct config_place *object,
 			 const struct config_value *values, struct modbus_point *point);

@@ -15,11 +15,12 @@ const char *const modbus_table_names[MODBUS_TABLES] = {
 
 const char *const modbus_type_names[] = {MAP_STANDARD_TYPES(MAP_TYPE_NAME) NULL};
 static const char *const orders[] = {"big", "little", NULL};
-static const char *const formats[] = {
-    "int16",  "uint16",  "int32",   "uint32", "int64",
-    "uint64", "float32", "float64", NULL}; /* as enum modbus_format from INT16 on */
+#define FORMAT_NAME(number, name, registers, coding, one) name,
+static const char *const formats[] = {MODBUS_FILE_FORMATS(FORMAT_NAME) NULL}; /* from INT16 on */
 static const char *const bit_orders[] = {"off_on", "on_off", NULL};
 
+CONFIG_TABLE(bit_number_table, .name = "bit_number",
+	     .json = CONFIG_JSON({"type" : "integer", "minimum" : 0, "maximum" : 15}));
 CONFIG_TABLE(knot_table, .name = "knot",
 	     .json = CONFIG_JSON({
 		     "type" : "array",
@@ -31,8 +32,8 @@ CONFIG_TABLE(knot_table, .name = "knot",
 const struct config_rule modbus_object_rules[OBJECT_KEYS] = {
     [OBJECT_ADDRESS] = {MODBUS_KEY_ADDRESS, CONFIG_INTEGER, .low = 0, .high = MODBUS_ADDRESS_LAST,
 			CONFIG_SAYS(
-			    "Modbus address, from 0: this or `register`. An object of two bits, or two or "
-			    "four registers, covers this one and the next, but for `second_address`.",
+			    "Modbus address, from 0: this or `register`. An object of two bits, or of two "
+			    "to four registers, covers this one and the next, but for `second_address`.",
 			    .unset = true)},
     [OBJECT_REGISTER] = {MODBUS_KEY_REGISTER, CONFIG_TEXT, .low = MODBUS_NUMBER_SHORT,
 			 .high = MODBUS_NUMBER_LONG,
@@ -72,14 +73,27 @@ const struct config_rule modbus_object_rules[OBJECT_KEYS] = {
     [OBJECT_FORMAT] = {"format", CONFIG_CHOICE, .choices = formats,
 		       CONFIG_SAYS(
 			   "Of bitstring (uint16, uint32), normalized, scaled, float and counter: what the "
-			   "registers hold, one, two or four of them. Without it, int16 for normalized and "
-			   "scaled, float32 for float, int32 for counter, uint32 for bitstring.",
+			   "registers hold, one to four of them. Without it, int16 for normalized and "
+			   "scaled, float32 for float, int32 for counter, uint32 for bitstring; uint16 "
+			   "with `bits`.",
 			   .see = "configuration.md#formats", .unset = true)},
     [OBJECT_BIT] = {"bit", CONFIG_INTEGER, .low = 0, .high = 15,
 		    CONFIG_SAYS(
 			"Makes an object of registers one bit of its register, 0 the least significant; a "
-			"double has this one and the next. Objects may share a register so. Needs `ioa`.",
+			"double has this one and the next. Needs `ioa`.",
 			.unset = true)},
+    [OBJECT_BITS] = {"bits", CONFIG_ARRAY, .high = 2,
+		     CONFIG_SAYS(
+			 "Of normalized, scaled, float and bitstring in a format of one register: the "
+			 "first and the last bit of it that the object has, 0 the least significant, "
+			 "as `[8, 15]`, the high octet. Needs `ioa`.",
+			 .see = "configuration.md#bits-of-a-register",
+			 .forms = CONFIG_FORMS(&bit_number_table),
+			 .json = CONFIG_JSON({
+				 "minItems" : 2,
+				 "items" : {"$ref" : "#/$defs/bit_number"},
+				 "examples" : [ [ 0, 7 ], [ 8, 15 ], [ 4, 4 ] ]
+			 }))},
     [OBJECT_INVERTED] = {"inverted", CONFIG_BOOLEAN,
 			 CONFIG_SAYS(
 			     "Of single and double: each bit means the opposite, also of a command.")},
@@ -88,7 +102,7 @@ const struct config_rule modbus_object_rules[OBJECT_KEYS] = {
 				   "is beyond 32767 then overflows (OV).")},
     [OBJECT_WORD_ORDER] = {"word_order", CONFIG_CHOICE, .choices = orders,
 			   CONFIG_SAYS(
-			       "Of two and four registers: big has the high word in the first register.")},
+			       "Of two to four registers: big has the high word in the first register.")},
     [OBJECT_BYTE_ORDER] =
 	{"byte_order", CONFIG_CHOICE, .choices = orders,
 	 CONFIG_SAYS(
@@ -96,8 +110,8 @@ const struct config_rule modbus_object_rules[OBJECT_KEYS] = {
     [OBJECT_BIT_ORDER] = {"bit_order", CONFIG_CHOICE, .choices = bit_orders,
 			  CONFIG_SAYS("Of a double: which state the first of its two bits reports.")},
     [OBJECT_SCALE] = {"scale", CONFIG_NUMBER, .low = -FLT_MAX, .high = FLT_MAX, .fallback = 1,
-		      CONFIG_SAYS("Of normalized, scaled and float, and of counter in format int64, uint64, "
-				  "float32 or float64: value = raw * scale + offset. Not 0.",
+		      CONFIG_SAYS("Of normalized, scaled and float, and of counter in a format of three "
+				  "or four registers or float32: value = raw * scale + offset. Not 0.",
 				  .json = CONFIG_JSON({"not" : {"const" : 0}}))},
     [OBJECT_OFFSET] = {"offset", CONFIG_NUMBER, .low = -FLT_MAX, .high = FLT_MAX,
 		       CONFIG_SAYS("As scale, which see.")},
@@ -122,12 +136,12 @@ const struct config_rule modbus_object_rules[OBJECT_KEYS] = {
 					"items" : {"$ref" : "#/$defs/knot"},
 					"examples" : [[ [ 0, -10 ], [ 100, 0 ], [ 1000, 0.5 ] ]]
 				}))},
-    [OBJECT_SCALE_REGISTER] = {"scale_register", CONFIG_INTEGER, .low = 0, .high = MODBUS_ADDRESS_LAST,
-			       CONFIG_SAYS(
-				   "Of normalized, scaled and float, and of counter in format int64, uint64, "
-				   "float32 or float64: Modbus address of a register of the same table that "
-				   "holds the power of ten of raw, as SunSpec's scale factors do.",
-				   .see = "configuration.md#scale-registers", .unset = true)},
+    [OBJECT_SCALE_REGISTER] =
+	{"scale_register", CONFIG_INTEGER, .low = 0, .high = MODBUS_ADDRESS_LAST,
+	 CONFIG_SAYS("Of normalized, scaled and float, and of counter in a format of three "
+		     "or four registers or float32: Modbus address of a register of the same table that "
+		     "holds the power of ten of raw, as SunSpec's scale factors do.",
+		     .see = "configuration.md#scale-registers", .unset = true)},
     [OBJECT_UNIMPLEMENTED] = {"unimplemented", CONFIG_BOOLEAN,
 			      CONFIG_SAYS(
 				  "Of an integer format: the least value if it is signed, the greatest if it "
@@ -211,24 +225,38 @@ CONFIG_TABLE(object_table, .name = "object", .rules = modbus_object_rules, .coun
 	     }));
 
 /* What has a meaning for which type and table: modbus/config_object.c says the same to who reads. */
-CONFIG_TABLE(two_registers_table, .name = "two_registers",
+CONFIG_TABLE(
+    two_registers_table, .name = "two_registers",
+    .json = CONFIG_JSON({
+	    "anyOf" : [
+		    {
+			    "required" : ["format"],
+			    "properties" : {
+				    "format" : {
+					    "enum" : [
+						    "int32", "uint32", "float32", "fixed24_8", "bcd32",
+						    "mod10_32"
+					    ]
+				    }
+			    }
+		    },
+		    {
+			    "required" : ["type"],
+			    "properties" : {"type" : {"enum" : [ "bitstring", "float", "counter" ]}},
+			    "not" : {"anyOf" : [ {"required" : ["format"]}, {"required" : ["bits"]} ]}
+		    }
+	    ]
+    }));
+CONFIG_TABLE(three_registers_table, .name = "three_registers",
 	     .json = CONFIG_JSON({
-		     "anyOf" : [
-			     {
-				     "required" : ["format"],
-				     "properties" : {"format" : {"enum" : [ "int32", "uint32", "float32" ]}}
-			     },
-			     {
-				     "required" : ["type"],
-				     "properties" : {"type" : {"enum" : [ "bitstring", "float", "counter" ]}},
-				     "not" : {"required" : ["format"]}
-			     }
-		     ]
+		     "required" : ["format"],
+		     "properties" : {"format" : {"enum" : [ "int48", "uint48", "bcd48", "mod10_48" ]}}
 	     }));
 CONFIG_TABLE(four_registers_table, .name = "four_registers",
 	     .json = CONFIG_JSON({
 		     "required" : ["format"],
-		     "properties" : {"format" : {"enum" : [ "int64", "uint64", "float64" ]}}
+		     "properties" :
+			 {"format" : {"enum" : [ "int64", "uint64", "float64", "bcd64", "mod10_64" ]}}
 	     }));
 CONFIG_TABLE(bits_table, .name = "bits", .forms = CONFIG_FORMS(&object_table),
 	     .json = CONFIG_JSON({
@@ -252,6 +280,7 @@ CONFIG_TABLE(bits_table, .name = "bits", .forms = CONFIG_FORMS(&object_table),
 			     "counter_group" : false,
 			     "freeze_s" : false,
 			     "bit" : false,
+			     "bits" : false,
 			     "step" : false,
 			     "min" : false,
 			     "max" : false
@@ -265,7 +294,7 @@ CONFIG_TABLE(bits_table, .name = "bits", .forms = CONFIG_FORMS(&object_table),
 	     }));
 CONFIG_TABLE(
     registers_table, .name = "registers",
-    .forms = CONFIG_FORMS(&object_table, &two_registers_table, &four_registers_table),
+    .forms = CONFIG_FORMS(&object_table, &two_registers_table, &three_registers_table, &four_registers_table),
     .json = CONFIG_JSON({
 	    "$ref" : "#/$defs/object",
 	    "properties" : {
@@ -303,12 +332,35 @@ CONFIG_TABLE(
 		    },
 		    {
 			    "if" : {"$ref" : "#/$defs/four_registers"},
-			    "then" : {"properties" : {"address" : {"maximum" : 65532}}},
+			    "then" : {"properties" : {"address" : {"maximum" : 65532}, "bits" : false}},
 			    "else" : {
-				    "if" : {"$ref" : "#/$defs/two_registers"},
-				    "then" : {"properties" : {"address" : {"maximum" : 65534}}},
-				    "else" : {"properties" : {"word_order" : false}}
+				    "if" : {"$ref" : "#/$defs/three_registers"},
+				    "then" :
+					{"properties" : {"address" : {"maximum" : 65533}, "bits" : false}},
+				    "else" : {
+					    "if" : {"$ref" : "#/$defs/two_registers"},
+					    "then" : {
+						    "properties" :
+							{"address" : {"maximum" : 65534}, "bits" : false}
+					    },
+					    "else" : {"properties" : {"word_order" : false}}
+				    }
 			    }
+		    },
+		    {
+			    "if" : {
+				    "properties" :
+					{"type" : {"enum" : [ "bitstring", "normalized", "scaled", "float" ]}}
+			    },
+			    "else" : {"properties" : {"bits" : false}}
+		    },
+		    {
+			    "if" : {"required" : ["bits"]},
+			    "then" : {"required" : ["ioa"], "properties" : {"signed" : false}}
+		    },
+		    {
+			    "if" : {"properties" : {"type" : {"const" : "counter"}}, "required" : ["type"]},
+			    "then" : {"properties" : {"format" : {"not" : {"const" : "fixed24_8"}}}}
 		    },
 		    {
 			    "if" : {"properties" : {"type" : {"enum" : [ "normalized", "scaled", "float" ]}}},
@@ -332,8 +384,10 @@ CONFIG_TABLE(
 							    "type" : {"const" : "counter"},
 							    "format" : {
 								    "enum" : [
-									    "int64", "uint64", "float32",
-									    "float64"
+									    "int48", "uint48", "int64",
+									    "uint64", "float32", "float64",
+									    "bcd48", "bcd64", "mod10_48",
+									    "mod10_64"
 								    ]
 							    }
 						    }
@@ -356,13 +410,25 @@ CONFIG_TABLE(
 				    "anyOf" : [
 					    {
 						    "required" : ["format"],
-						    "properties" :
-							{"format" : {"enum" : [ "float32", "float64" ]}}
+						    "properties" : {
+							    "format" : {
+								    "enum" : [
+									    "float32", "float64", "bcd16",
+									    "bcd32", "bcd48", "bcd64",
+									    "mod10_32", "mod10_48", "mod10_64"
+								    ]
+							    }
+						    }
 					    },
 					    {
 						    "required" : ["type"],
 						    "properties" : {"type" : {"const" : "float"}},
-						    "not" : {"required" : ["format"]}
+						    "not" : {
+							    "anyOf" : [
+								    {"required" : ["format"]},
+								    {"required" : ["bits"]}
+							    ]
+						    }
 					    },
 					    {
 						    "required" : ["type"],
@@ -411,6 +477,7 @@ CONFIG_TABLE(register_bits_table, .name = "register_bits", .forms = CONFIG_FORMS
 		     "properties" : {
 			     "type" : {"enum" : [ "single", "double" ], "default" : "single"},
 			     "second_address" : false,
+			     "bits" : false,
 			     "decimals" : false,
 			     "format" : false,
 			     "signed" : false,

@@ -25,7 +25,7 @@ static bool is_of_bits(enum map_type type)
 
 static bool is_floating(enum modbus_format format)
 {
-	return format == MODBUS_FORMAT_FLOAT32 || format == MODBUS_FORMAT_FLOAT64;
+	return modbus_formats[format].coding == MODBUS_FLOATING;
 }
 
 enum modbus_format modbus_object_format(const struct config_value *values, enum map_type type)
@@ -39,21 +39,14 @@ enum modbus_format modbus_object_format(const struct config_value *values, enum 
 
 	if (values[OBJECT_FORMAT].given)
 		return (enum modbus_format)(MODBUS_FORMAT_INT16 + values[OBJECT_FORMAT].integer);
-	if (values[OBJECT_SIGNED].given && !values[OBJECT_SIGNED].integer)
+	if (values[OBJECT_BITS].given || (values[OBJECT_SIGNED].given && !values[OBJECT_SIGNED].integer))
 		return MODBUS_FORMAT_UINT16;
 	return (enum modbus_format)of_types[type];
 }
 
 uint8_t modbus_object_width(enum map_type type, enum modbus_format format, enum modbus_table table)
 {
-	static const uint8_t of_formats[] = {
-	    [MODBUS_FORMAT_BIT] = 1,     [MODBUS_FORMAT_VTI] = 1,   [MODBUS_FORMAT_INT16] = 1,
-	    [MODBUS_FORMAT_UINT16] = 1,  [MODBUS_FORMAT_INT32] = 2, [MODBUS_FORMAT_UINT32] = 2,
-	    [MODBUS_FORMAT_FLOAT32] = 2, [MODBUS_FORMAT_INT64] = 4, [MODBUS_FORMAT_UINT64] = 4,
-	    [MODBUS_FORMAT_FLOAT64] = 4,
-	};
-
-	return modbus_is_bit_table(table) && type == MAP_DOUBLE ? 2 : of_formats[format];
+	return modbus_is_bit_table(table) && type == MAP_DOUBLE ? 2 : modbus_formats[format].registers;
 }
 
 /* ---- format and bits --------------------------------------------------------------------- */
@@ -72,6 +65,10 @@ static void check_format(struct modbus_loader *loader, const struct config_place
 	if (type == MAP_BITSTRING && has != MODBUS_FORMAT_UINT16 && has != MODBUS_FORMAT_UINT32)
 		config_error(loader->report, &format,
 			     "\"%s\" is not a format of type %s, expected one of uint16, uint32",
+			     values[OBJECT_FORMAT].text, modbus_type_names[type]);
+	if (type == MAP_COUNTER && has == MODBUS_FORMAT_FIXED24_8)
+		config_error(loader->report, &format,
+			     "\"%s\" is not a format of type %s, which has no fractions",
 			     values[OBJECT_FORMAT].text, modbus_type_names[type]);
 }
 
@@ -97,17 +94,34 @@ static void check_unimplemented(struct modbus_loader *loader, const struct confi
 {
 	const struct config_place here = modbus_object_key(object, OBJECT_UNIMPLEMENTED);
 
-	if (values[OBJECT_UNIMPLEMENTED].given && is_floating(modbus_object_format(values, type)))
+	enum modbus_format format = modbus_object_format(values, type);
+
+	if (!values[OBJECT_UNIMPLEMENTED].given)
+		return;
+	if (is_floating(format))
 		config_error(loader->report, &here,
 			     "has no meaning for floating point: a NaN is invalid anyway");
+	else if (modbus_formats[format].coding == MODBUS_BCD || modbus_formats[format].coding == MODBUS_MOD10)
+		config_error(loader->report, &here,
+			     "has no meaning for format %s: what is no decimal digit is invalid anyway",
+			     values[OBJECT_FORMAT].text);
 }
 
-/* A bit has no address of its own, so the report's scheme has no IOA for it. */
+/* What has no address of its own, the report's scheme has no IOA for. */
+static void check_ioa(struct modbus_loader *loader, const struct config_place *object,
+		      const struct config_value *values)
+{
+	const struct config_place ioa = modbus_object_key(object, OBJECT_IOA);
+
+	if (!values[OBJECT_IOA].given && !values[OBJECT_IOA].wrong)
+		config_error(loader->report, &ioa,
+			     "is missing: a bit of a register has no IOA by itself, expected an integer");
+}
+
 static void check_bit(struct modbus_loader *loader, const struct config_place *object,
 		      const struct config_value *values, enum map_type type, enum modbus_table table)
 {
 	const struct config_place bit = modbus_object_key(object, OBJECT_BIT);
-	const struct config_place ioa = modbus_object_key(object, OBJECT_IOA);
 
 	if (!values[OBJECT_BIT].given)
 		return;
@@ -120,9 +134,55 @@ static void check_bit(struct modbus_loader *loader, const struct config_place *o
 		config_error(loader->report, &bit,
 			     "%d is out of range for type double, which covers two bits, expected 0 to %d",
 			     BITS_OF_REGISTER - 1, BITS_OF_REGISTER - 2);
-	if (!values[OBJECT_IOA].given && !values[OBJECT_IOA].wrong)
-		config_error(loader->report, &ioa,
-			     "is missing: a bit of a register has no IOA by itself, expected an integer");
+	check_ioa(loader, object, values);
+}
+
+/* First and last; the array has been read as one. False: these are no two such numbers. */
+static bool read_bits(const json_t *json, int64_t *first, int64_t *last)
+{
+	const json_t *low = json_array_get(json, 0), *high = json_array_get(json, 1);
+
+	*first = json_integer_value(low);
+	*last = json_integer_value(high);
+	return json_array_size(json) == 2 && json_is_integer(low) && json_is_integer(high) && *first >= 0 &&
+	       *first <= *last && *last < BITS_OF_REGISTER;
+}
+
+static void check_bits(struct modbus_loader *loader, const struct config_place *object,
+		       const struct config_value *values, enum map_type type, enum modbus_table table)
+{
+	const struct config_place bits = modbus_object_key(object, OBJECT_BITS);
+	const struct config_place is_signed = modbus_object_key(object, OBJECT_SIGNED);
+	enum modbus_format format = modbus_object_format(values, type);
+	int64_t first, last;
+
+	if (!values[OBJECT_BITS].given || is_of_bits(type) || modbus_is_bit_table(table))
+		return;
+	if (!read_bits(values[OBJECT_BITS].json, &first, &last))
+		config_error(
+		    loader->report, &bits,
+		    "is not the first and the last bit of a register, expected two integers from 0 to "
+		    "%d, the greater one last",
+		    BITS_OF_REGISTER - 1);
+	if (modbus_formats[format].registers > 1)
+		config_error(loader->report, &bits,
+			     "has no meaning for format %s, which is more than one register",
+			     modbus_formats[format].name);
+	if (values[OBJECT_SIGNED].given)
+		config_error(loader->report, &is_signed,
+			     "has no meaning beside bits: format int16 has a sign");
+	check_ioa(loader, object, values);
+}
+
+void modbus_object_bits(const struct config_value *values, struct modbus_point *point)
+{
+	int64_t first, last;
+
+	point->bit = (unsigned)values[OBJECT_BIT].integer & 15u;
+	if (!values[OBJECT_BITS].given || !read_bits(values[OBJECT_BITS].json, &first, &last))
+		return;
+	point->bit = (unsigned)first & 15u;
+	point->field = (unsigned)(last - first + 1) & 15u; /* all of them are no field */
 }
 
 /* A register is no coil: its bits have no second address and no pulses. */
@@ -149,8 +209,7 @@ static bool may_be_scaled(const struct config_value *values, enum map_type type)
 	enum modbus_format format = modbus_object_format(values, type);
 
 	return is_measured(type) ||
-	       (type == MAP_COUNTER &&
-		(is_floating(format) || format == MODBUS_FORMAT_INT64 || format == MODBUS_FORMAT_UINT64));
+	       (type == MAP_COUNTER && (is_floating(format) || modbus_formats[format].registers > 2));
 }
 
 static void check_may_be_scaled(struct modbus_loader *loader, const struct config_place *object,
@@ -162,8 +221,8 @@ static void check_may_be_scaled(struct modbus_loader *loader, const struct confi
 		return;
 	if (type == MAP_COUNTER)
 		config_error(loader->report, &here,
-			     "has no meaning for a counter that wraps, expected one of format int64, "
-			     "uint64, float32, float64");
+			     "has no meaning for a counter that wraps, expected a format of three or four "
+			     "registers, or float32");
 	else
 		config_error(loader->report, &here, "has no meaning for type %s", modbus_type_names[type]);
 }
@@ -302,6 +361,7 @@ void modbus_check_value(struct modbus_loader *loader, const struct config_place 
 	check_orders(loader, object, values, type, table);
 	check_unimplemented(loader, object, values, type);
 	check_bit(loader, object, values, type, table);
+	check_bits(loader, object, values, type, table);
 	if (is_of_bits(type))
 		check_register_bit(loader, object, values, table);
 	check_scale(loader, object, values, type);

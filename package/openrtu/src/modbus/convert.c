@@ -15,8 +15,12 @@
 #define DOUBLE_OFF 1
 #define DOUBLE_ON  2
 
-#define WORD_BITS 16
-#define WORD_SIGN 0x8000
+#define WORD_BITS    16
+#define WORD_MASK    0xFFFF
+#define DIGIT_BITS   4
+#define DIGIT_MASK   0xF
+#define TEN_THOUSAND 10000 /* of MOD10: a register is less */
+#define WORD_SIGN    0x8000
 /* SunSpec's sunssf; 0x8000, which means that there is none, is beyond it too. */
 #define EXPONENT_MAX 10
 /* A double, as the greatest 64-bit integer is not. */
@@ -57,17 +61,11 @@ static void split(const struct modbus_point *point, uint64_t all, uint16_t raw[C
 		raw[place_of(point, rank)] = in_byte_order(point, (uint16_t)(all & UINT16_MAX));
 }
 
-/* ---- numbers --------------------------------------------------------------------------------- */
-
-static bool is_signed(const struct modbus_point *point)
-{
-	return point->format == MODBUS_FORMAT_INT16 || point->format == MODBUS_FORMAT_INT32 ||
-	       point->format == MODBUS_FORMAT_INT64;
-}
+/* ---- fields ---------------------------------------------------------------------------------- */
 
 static unsigned bits_of(const struct modbus_point *point)
 {
-	return WORD_BITS * point->width;
+	return modbus_is_field(point) ? point->field : WORD_BITS * point->width;
 }
 
 static uint64_t sign_bit(const struct modbus_point *point)
@@ -75,80 +73,202 @@ static uint64_t sign_bit(const struct modbus_point *point)
 	return 1ull << (bits_of(point) - 1);
 }
 
-static int64_t sign_extended(const struct modbus_point *point, uint64_t all)
+static uint64_t greatest(const struct modbus_point *point)
 {
-	return (int64_t)((all ^ sign_bit(point)) - sign_bit(point));
+	return sign_bit(point) | (sign_bit(point) - 1);
+}
+
+/* All that the registers hold of the point. */
+static uint64_t gather(const struct modbus_point *point, const uint16_t raw[CONVERT_WIDTH_MAX])
+{
+	return join(point, raw) >> (modbus_is_field(point) ? point->bit : 0) & greatest(point);
+}
+
+/* The registers with this and no other bits set. False: it has more bits. */
+static bool scatter(const struct modbus_point *point, uint64_t all, uint16_t raw[CONVERT_WIDTH_MAX])
+{
+	split(point, all << (modbus_is_field(point) ? point->bit : 0), raw);
+	return all <= greatest(point);
+}
+
+/* ---- numbers --------------------------------------------------------------------------------- */
+
+static const struct modbus_format_row *format_of(const struct modbus_point *point)
+{
+	return &modbus_formats[point->format];
+}
+
+static bool is_floating(const struct modbus_point *point)
+{
+	return format_of(point)->coding == MODBUS_FLOATING;
+}
+
+static bool is_unsigned(const struct modbus_point *point)
+{
+	return format_of(point)->coding == MODBUS_UNSIGNED;
+}
+
+static uint64_t sign_extended(const struct modbus_point *point, uint64_t all)
+{
+	return (all ^ sign_bit(point)) - sign_bit(point);
 }
 
 /* What SunSpec calls unimplemented, of an integer; its floats are NaN. */
 static bool is_unimplemented(const struct modbus_point *point, uint64_t all)
 {
-	uint64_t none = is_signed(point) ? sign_bit(point) : sign_bit(point) | (sign_bit(point) - 1);
-
-	return has(point, MODBUS_UNIMPLEMENTED) && all == none;
+	return has(point, MODBUS_UNIMPLEMENTED) &&
+	       all == (is_unsigned(point) ? greatest(point) : sign_bit(point));
 }
 
-static double float32_of(uint32_t bits)
+static bool from_bcd(uint64_t all, uint64_t *whole)
 {
+	*whole = 0;
+	for (unsigned shift = 64; shift > 0;) {
+		uint64_t digit = all >> (shift -= DIGIT_BITS) & DIGIT_MASK;
+
+		if (digit > 9)
+			return false;
+		*whole = *whole * 10 + digit;
+	}
+	return true;
+}
+
+static uint64_t to_bcd(uint64_t whole)
+{
+	uint64_t all = 0;
+
+	for (unsigned shift = 0; shift < 64; shift += DIGIT_BITS, whole /= 10)
+		all |= whole % 10 << shift;
+	return all;
+}
+
+static bool from_mod10(const struct modbus_point *point, uint64_t all, uint64_t *whole)
+{
+	int64_t sum = 0;
+
+	for (unsigned rank = point->width; rank-- > 0;) {
+		int part = (int)((all >> (WORD_BITS * rank) & WORD_MASK) ^ WORD_SIGN) - WORD_SIGN;
+
+		if (part <= -TEN_THOUSAND || part >= TEN_THOUSAND)
+			return false;
+		sum = sum * TEN_THOUSAND + part;
+	}
+	*whole = (uint64_t)sum;
+	return true;
+}
+
+/* Each register has the sign of the number. */
+static uint64_t to_mod10(const struct modbus_point *point, int64_t whole)
+{
+	uint64_t all = 0;
+
+	for (unsigned rank = 0; rank < point->width; rank++, whole /= TEN_THOUSAND)
+		all |= (uint64_t)((uint16_t)(whole % TEN_THOUSAND)) << (WORD_BITS * rank);
+	return all;
+}
+
+/* The integer that the registers hold, modulo 2^64. False: they hold none. */
+static bool whole_of(const struct modbus_point *point, uint64_t all, uint64_t *whole)
+{
+	switch ((enum modbus_coding)format_of(point)->coding) {
+	case MODBUS_SIGNED:
+		*whole = sign_extended(point, all);
+		return !is_unimplemented(point, all);
+	case MODBUS_UNSIGNED:
+		*whole = all;
+		return !is_unimplemented(point, all);
+	case MODBUS_BCD:
+		return from_bcd(all, whole);
+	case MODBUS_MOD10:
+		return from_mod10(point, all, whole);
+	case MODBUS_FLOATING:
+	case MODBUS_NO_NUMBER:
+		break;
+	}
+	return false;
+}
+
+static double floating_of(const struct modbus_point *point, uint64_t all)
+{
+	uint32_t half = (uint32_t)all;
 	float number;
+	double twice;
 
-	memcpy(&number, &bits, sizeof(number));
-	return (double)number;
-}
-
-static double float64_of(uint64_t bits)
-{
-	double number;
-
-	memcpy(&number, &bits, sizeof(number));
-	return number;
+	memcpy(&number, &half, sizeof(number));
+	memcpy(&twice, &all, sizeof(twice));
+	return point->width == 2 ? (double)number : twice;
 }
 
 /* The number that the registers hold. False: they hold none. */
 static bool number_of(const struct modbus_point *point, uint64_t all, double *number)
 {
-	if (point->format == MODBUS_FORMAT_FLOAT32)
-		*number = float32_of((uint32_t)all);
-	else if (point->format == MODBUS_FORMAT_FLOAT64)
-		*number = float64_of(all);
-	else if (is_unimplemented(point, all))
+	uint64_t whole;
+
+	if (is_floating(point)) {
+		*number = floating_of(point, all);
+		return isfinite(*number);
+	}
+	if (!whole_of(point, all, &whole))
 		return false;
-	else if (is_signed(point))
-		*number = (double)sign_extended(point, all);
-	else
-		*number = (double)all;
-	return isfinite(*number);
+	*number = (is_unsigned(point) ? (double)whole : (double)(int64_t)whole) * format_of(point)->one;
+	return true;
 }
 
-static uint32_t bits_of_float(float number)
+static bool put_floating(const struct modbus_point *point, double number, uint16_t raw[CONVERT_WIDTH_MAX])
 {
-	uint32_t bits;
+	float short_number;
+	uint32_t half;
+	uint64_t all;
 
-	memcpy(&bits, &number, sizeof(bits));
-	return bits;
+	if (point->width == 2) {
+		if (fabs(number) > (double)FLT_MAX)
+			return false;
+		short_number = (float)number;
+		memcpy(&half, &short_number, sizeof(half));
+		all = half;
+	} else {
+		memcpy(&all, &number, sizeof(all));
+	}
+	return scatter(point, all, raw);
+}
+
+/* From the least integer that a format holds to the first that is beyond it. */
+static void range_of(const struct modbus_point *point, double *least, double *beyond)
+{
+	double half = (double)sign_bit(point);
+
+	*least = 0;
+	*beyond = 2 * half;
+	if (format_of(point)->coding == MODBUS_SIGNED) {
+		*least = -half;
+		*beyond = half;
+	} else if (format_of(point)->coding == MODBUS_MOD10) {
+		*beyond = pow(TEN_THOUSAND, point->width);
+		*least = nextafter(-*beyond, 0);
+	} else if (format_of(point)->coding == MODBUS_BCD) {
+		*beyond = pow(10, (bits_of(point) + DIGIT_BITS - 1) / DIGIT_BITS);
+	}
 }
 
 /* The registers that hold a finite number, an integer the nearest one. False: it is out of their range. */
 static bool registers_of(const struct modbus_point *point, double number, uint16_t raw[CONVERT_WIDTH_MAX])
 {
-	double half = (double)sign_bit(point);
-	double least = is_signed(point) ? -half : 0, beyond = is_signed(point) ? half : 2 * half;
-	uint64_t all;
+	double least, beyond;
+	uint64_t whole;
 
-	if (point->format == MODBUS_FORMAT_FLOAT32) {
-		if (fabs(number) > (double)FLT_MAX)
-			return false;
-		all = bits_of_float((float)number);
-	} else if (point->format == MODBUS_FORMAT_FLOAT64) {
-		memcpy(&all, &number, sizeof(all));
-	} else {
-		number = map_nearest(number);
-		if (number < least || number >= beyond)
-			return false;
-		all = number < 0 ? (uint64_t)(int64_t)number : (uint64_t)number;
-	}
-	split(point, all, raw);
-	return true;
+	if (is_floating(point))
+		return put_floating(point, number, raw);
+	range_of(point, &least, &beyond);
+	number = map_nearest(number / format_of(point)->one);
+	if (number < least || number >= beyond)
+		return false;
+	whole = number < 0 ? (uint64_t)(int64_t)number : (uint64_t)number;
+	if (format_of(point)->coding == MODBUS_BCD)
+		whole = to_bcd(whole);
+	else if (format_of(point)->coding == MODBUS_MOD10)
+		whole = to_mod10(point, (int64_t)whole);
+	return scatter(
+	    point, whole & (format_of(point)->coding == MODBUS_SIGNED ? greatest(point) : UINT64_MAX), raw);
 }
 
 /* ---- powers of ten --------------------------------------------------------------------------- */
@@ -283,11 +403,11 @@ static float short_float(double value, uint8_t *quality)
 /* An integer without a scale keeps all its bits. */
 static bool counted(const struct modbus_point *point, uint64_t all, double number, uint32_t *count)
 {
-	bool integer = point->format != MODBUS_FORMAT_FLOAT32 && point->format != MODBUS_FORMAT_FLOAT64;
 	double whole = map_nearest(number * point->scale + point->offset);
+	uint64_t integer;
 
-	if (integer && !is_scaled(point) && !modbus_has_scale_register(point))
-		*count = (uint32_t)(is_signed(point) ? (uint64_t)sign_extended(point, all) : all);
+	if (!is_scaled(point) && !modbus_has_scale_register(point) && whole_of(point, all, &integer))
+		*count = (uint32_t)integer;
 	else if (whole >= -TWO_TO_63 && whole < TWO_TO_63)
 		*count = (uint32_t)(int64_t)whole;
 	else
@@ -333,16 +453,16 @@ void convert_to_sample(const struct modbus_point *point, const struct modbus_kno
 		sample->value.u = bits_value(point, raw);
 		break;
 	case MAP_STEP:
-		step_position(join(point, raw), sample);
+		step_position(gather(point, raw), sample);
 		break;
 	case MAP_BITSTRING:
-		sample->value.u = (uint32_t)join(point, raw);
+		sample->value.u = (uint32_t)gather(point, raw);
 		break;
 	case MAP_NORMALIZED:
 	case MAP_SCALED:
 	case MAP_FLOAT:
 	case MAP_COUNTER:
-		numeric(point, knots, exponent, join(point, raw), sample);
+		numeric(point, knots, exponent, gather(point, raw), sample);
 		break;
 		MAP_OWN_TYPES(MAP_CASE) /* no object has them: modbus_type_names */
 		*sample = (struct map_sample){.quality = MAP_INVALID, .time_ns = sample->time_ns};
@@ -354,7 +474,11 @@ void convert_to_sample(const struct modbus_point *point, const struct modbus_kno
 
 uint16_t convert_register_mask(const struct modbus_point *point)
 {
-	return in_byte_order(point, (uint16_t)((point->type == MAP_DOUBLE ? 3u : 1u) << point->bit));
+	unsigned bits = modbus_is_field(point)      ? (unsigned)greatest(point)
+			: point->type == MAP_DOUBLE ? 3u
+						    : 1u;
+
+	return in_byte_order(point, (uint16_t)(bits << point->bit));
 }
 
 static bool put_bits(const struct modbus_point *point, uint32_t value, uint16_t raw[CONVERT_WIDTH_MAX])
@@ -411,8 +535,7 @@ bool convert_to_raw(const struct modbus_point *point, const struct modbus_knot *
 	case MAP_STEP:
 		return put_step(point, value.i, detail, raw);
 	case MAP_BITSTRING:
-		split(point, value.u, raw);
-		return bits_of(point) == 32 || value.u >> bits_of(point) == 0;
+		return scatter(point, value.u, raw);
 	case MAP_NORMALIZED:
 	case MAP_SCALED:
 		return value.i >= INT16_MIN && value.i <= INT16_MAX &&

@@ -13,16 +13,10 @@
 
 static struct modbus_point of_format(enum map_type type, enum modbus_format format, uint16_t flags)
 {
-	static const uint8_t widths[] = {
-	    [MODBUS_FORMAT_INT32] = 2,  [MODBUS_FORMAT_UINT32] = 2,  [MODBUS_FORMAT_INT64] = 4,
-	    [MODBUS_FORMAT_UINT64] = 4, [MODBUS_FORMAT_FLOAT32] = 2, [MODBUS_FORMAT_FLOAT64] = 4,
-	};
-	uint8_t width = widths[format] > 0 ? widths[format] : 1;
-
 	return (struct modbus_point){.table = MODBUS_HOLDING_REGISTERS,
 				     .type = (uint8_t)type,
-				     .format = format & 15u,
-				     .width = width & 15u,
+				     .format = format & 31u,
+				     .width = modbus_formats[format].registers & 7u,
 				     .flags = (uint8_t)flags,
 				     .scale = 1};
 }
@@ -382,6 +376,145 @@ static void test_unimplemented(void **state)
 		      0, MAP_INVALID);
 }
 
+static struct modbus_point field(enum map_type type, enum modbus_format format, unsigned first, unsigned bits)
+{
+	struct modbus_point point = of_format(type, format, 0);
+
+	point.bit = first & 15u;
+	point.field = bits & 15u;
+	return point;
+}
+
+static void test_fields_of_a_register(void **state)
+{
+	(void)state;
+	struct modbus_point high = field(MAP_SCALED, MODBUS_FORMAT_UINT16, 8, 8),
+			    low = field(MAP_SCALED, MODBUS_FORMAT_INT16, 0, 8),
+			    middle = field(MAP_FLOAT, MODBUS_FORMAT_UINT16, 4, 4),
+			    pattern = field(MAP_BITSTRING, MODBUS_FORMAT_UINT16, 4, 4),
+			    seconds = field(MAP_SCALED, MODBUS_FORMAT_BCD16, 0, 7);
+
+	assert_integer(high, 0xABCD, 0, 0xAB, MAP_GOOD);
+	assert_integer(low, 0xABCD, 0, 0xCD - 256, MAP_GOOD);
+	assert_float(middle, 0xABCD, 0, 0xC, MAP_GOOD);
+	assert_integer(pattern, 0xABCD, 0, 0xC, MAP_GOOD);
+	assert_integer(seconds, 0xFFD9, 0, 59, MAP_GOOD); /* 0x59 */
+	assert_raw(high, integer(0xAB), 0xAB00, 0);
+	assert_raw(low, integer(-1), 0x00FF, 0);
+	assert_raw(low, integer(-128), 0x0080, 0);
+	assert_raw(middle, number(15), 0x00F0, 0);
+	assert_raw(pattern, integer(9), 0x0090, 0);
+	assert_raw(seconds, integer(59), 0x0059, 0);
+	assert_out_of_range(high, integer(256));
+	assert_out_of_range(high, integer(-1));
+	assert_out_of_range(low, integer(128));
+	assert_out_of_range(low, integer(-129));
+	assert_out_of_range(middle, number(16));
+	assert_out_of_range(pattern, integer(16));
+	assert_out_of_range(seconds, integer(80)); /* has no room for its bit 7 */
+	assert_int_equal(convert_register_mask(&high), 0xFF00);
+	assert_int_equal(convert_register_mask(&middle), 0x00F0);
+	high.flags = MODBUS_BYTES_SWAPPED;
+	assert_integer(high, 0xABCD, 0, 0xCD, MAP_GOOD);
+	assert_raw(high, integer(0xCD), 0x00CD, 0);
+	assert_int_equal(convert_register_mask(&high), 0x00FF);
+	low.flags = MODBUS_UNIMPLEMENTED;
+	assert_integer(low, 0xAB80, 0, 0, MAP_INVALID);
+	assert_integer(low, 0x8000, 0, 0, MAP_GOOD);
+}
+
+static void test_numbers_of_48_bits(void **state)
+{
+	(void)state;
+	struct modbus_point whole = of_format(MAP_FLOAT, MODBUS_FORMAT_INT48, 0),
+			    natural = of_format(MAP_FLOAT, MODBUS_FORMAT_UINT48, MODBUS_WORDS_SWAPPED),
+			    total = of_format(MAP_COUNTER, MODBUS_FORMAT_UINT48, 0);
+
+	assert_number(sample_of_four(whole, NULL, 0xFFFF, 0xFFFF, 0xFFFB, 0), -5, MAP_GOOD);
+	assert_number(sample_of_four(whole, NULL, 1, 0, 0, 0xFFFF), 0x1p32F, MAP_GOOD);
+	assert_four(whole, number(-5), 0xFFFF, 0xFFFF, 0xFFFB, 0);
+	assert_four(whole, number(-0x1p47F), 0x8000, 0, 0, 0);
+	assert_out_of_range(whole, number(0x1p47F));
+	assert_number(sample_of_four(natural, NULL, 5, 0, 0x8000, 0), 0x1p47F, MAP_GOOD);
+	assert_four(natural, number(0x1p47F), 0, 0, 0x8000, 0);
+	assert_out_of_range(natural, number(0x1p48F));
+	assert_out_of_range(natural, number(-1));
+	assert_int_equal(sample_of_four(total, NULL, 0xFFFF, 0x1234, 0x5679, 0).value.u, 0x12345679);
+	total.scale = 0.001;
+	assert_int_equal(sample_of_four(total, NULL, 1, 0, 0, 0).value.u, 4294967);
+}
+
+/* Decimal digits; what is none makes no number. */
+static void test_bcd(void **state)
+{
+	(void)state;
+	struct modbus_point one = of_format(MAP_SCALED, MODBUS_FORMAT_BCD16, 0),
+			    two = of_format(MAP_FLOAT, MODBUS_FORMAT_BCD32, MODBUS_WORDS_SWAPPED),
+			    four = of_format(MAP_COUNTER, MODBUS_FORMAT_BCD64, 0);
+
+	assert_integer(one, 0x1234, 0, 1234, MAP_GOOD);
+	assert_integer(one, 0x9999, 0, 9999, MAP_GOOD);
+	assert_integer(one, 0x123A, 0, 0, MAP_INVALID);
+	assert_integer(one, 0xFFFF, 0, 0, MAP_INVALID);
+	assert_raw(one, integer(1234), 0x1234, 0);
+	assert_raw(one, integer(9999), 0x9999, 0);
+	assert_out_of_range(one, integer(10000));
+	assert_out_of_range(one, integer(-1));
+	assert_float(two, 0x5678, 0x0012, 125678, MAP_GOOD);
+	assert_raw(two, number(125678), 0x5678, 0x0012);
+	two.scale = 0.1;
+	assert_float(two, 0x5678, 0x0012, 12567.8F, MAP_GOOD);
+	/* 2^32 + 1, which the reading has modulo 2^32; beyond 2^53 to the last digit */
+	assert_int_equal(sample_of_four(four, NULL, 0, 0x0042, 0x9496, 0x7297).value.u, 1);
+	assert_int_equal(sample_of_four(four, NULL, 0x9999, 0x9999, 0x9999, 0x9999).value.u,
+			 (uint32_t)9999999999999999ull);
+	assert_int_equal(sample_of_four(four, NULL, 0xA000, 0, 0, 0).quality, MAP_INVALID);
+	assert_four(four, integer(INT32_MAX), 0, 0x0021, 0x4748, 0x3647);
+}
+
+/* Each register is a digit to the base of 10 000. */
+static void test_mod10(void **state)
+{
+	(void)state;
+	struct modbus_point two = of_format(MAP_FLOAT, MODBUS_FORMAT_MOD10_32, 0),
+			    three = of_format(MAP_FLOAT, MODBUS_FORMAT_MOD10_48, MODBUS_WORDS_SWAPPED),
+			    four = of_format(MAP_COUNTER, MODBUS_FORMAT_MOD10_64, 0);
+
+	assert_float(two, 12, 3456, 123456, MAP_GOOD);
+	assert_float(two, (uint16_t)-12, (uint16_t)-3456, -123456, MAP_GOOD);
+	assert_float(two, 10000, 0, 0, MAP_INVALID);
+	assert_float(two, 0, 0x8000, 0, MAP_INVALID);
+	assert_float(two, 0, (uint16_t)-10000, 0, MAP_INVALID);
+	assert_raw(two, number(123456), 12, 3456);
+	assert_raw(two, number(-123456), (uint16_t)-12, (uint16_t)-3456);
+	assert_out_of_range(two, number(1e8F));
+	assert_out_of_range(two, number(-1e8F));
+	assert_number(sample_of_four(three, NULL, 0, 2, 1, 0), 100020000.0F, MAP_GOOD);
+	assert_four(three, number(100000), 0, 10, 0, 0);
+	assert_out_of_range(three, number(1.1e12F));
+	assert_int_equal(sample_of_four(four, NULL, 9999, 9999, 9999, 9999).value.u,
+			 (uint32_t)9999999999999999ull);
+	four.type = MAP_FLOAT;
+	assert_out_of_range(four, number(1e16F));
+	assert_out_of_range(four, number(-1e16F));
+}
+
+static void test_fixed_point(void **state)
+{
+	(void)state;
+	struct modbus_point point = of_format(MAP_FLOAT, MODBUS_FORMAT_FIXED24_8, 0);
+
+	assert_float(point, 0x0001, 0x2380, 291.5F, MAP_GOOD);
+	assert_float(point, 0xFFFF, 0xFF40, -0.75F, MAP_GOOD);
+	assert_raw(point, number(291.5F), 0x0001, 0x2380);
+	assert_raw(point, number(-0.75F), 0xFFFF, 0xFF40);
+	assert_raw(point, number(-0x1p23F), 0x8000, 0);
+	assert_out_of_range(point, number(0x1p23F));
+	point.scale = 2;
+	assert_float(point, 0x0001, 0x2380, 583, MAP_GOOD);
+	assert_raw(point, number(583), 0x0001, 0x2380);
+}
+
 static void test_scaling_table(void **state)
 {
 	(void)state;
@@ -507,6 +640,11 @@ int main(void)
 	    cmocka_unit_test(test_integers_of_32_bits),
 	    cmocka_unit_test(test_numbers_of_64_bits),
 	    cmocka_unit_test(test_unimplemented),
+	    cmocka_unit_test(test_fields_of_a_register),
+	    cmocka_unit_test(test_numbers_of_48_bits),
+	    cmocka_unit_test(test_bcd),
+	    cmocka_unit_test(test_mod10),
+	    cmocka_unit_test(test_fixed_point),
 	    cmocka_unit_test(test_scaling_table),
 	    cmocka_unit_test(test_powers_of_ten),
 	    cmocka_unit_test(test_powers_of_ten_of_other_types),

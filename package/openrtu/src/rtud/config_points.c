@@ -34,6 +34,7 @@ static const unsigned object_columns[] = {
     OBJECT_SECOND,
     OBJECT_FORMAT,
     OBJECT_BIT,
+    OBJECT_BITS,
     OBJECT_INVERTED,
     OBJECT_SIGNED,
     OBJECT_WORD_ORDER,

@@ -29,7 +29,8 @@ static void check_settings(const struct map_config *config)
 static void check_wire(const struct map_config *config, const struct modbus_point *point)
 {
 	CHECK(point->width == 1 || point->width == 2 || point->width == 4);
-	CHECK(point->format <= MODBUS_FORMAT_FLOAT64);
+	CHECK(point->format < MODBUS_FORMATS);
+	CHECK(point->bit + point->field <= 16);
 	CHECK(modbus_point_address(point, point->width - 1u) <= UINT16_MAX);
 	CHECK(modbus_extent_of(point).last <= UINT16_MAX);
 	CHECK(point->knot_count != 1 &&

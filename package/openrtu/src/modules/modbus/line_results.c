@@ -96,7 +96,7 @@ static void publish_read(void *context, uint32_t device, const struct modbus_rea
 
 		*update = (struct map_update){.point = point,
 					      .cause = (uint8_t)commands_cause(results->commands, point),
-					      .flags = config->width == 1 ? MAP_UPDATE_NARROW : 0,
+					      .flags = modbus_counts_16_bits(config) ? MAP_UPDATE_NARROW : 0,
 					      .sample = {.time_ns = now_ns}};
 		take_raw(read, data, config, raw);
 		convert_to_sample(config, knots, take_exponent(results, read, data, point), raw,

@@ -107,7 +107,7 @@ static void write_raw(const struct modbus_point *point, uint8_t unit, const uint
 	bool single = point->width == 1;
 
 	out->count = 1;
-	if (modbus_is_register_bit(point))
+	if (modbus_is_part_of_register(point))
 		out->writes[0] = write_register_bits(point, unit, raw[0]);
 	else if (point->table != MODBUS_COILS)
 		out->writes[0] = write_of(

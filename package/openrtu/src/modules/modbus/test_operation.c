@@ -268,8 +268,19 @@ static void test_bits_of_a_register_are_masked(void **state)
 				      .address = 9,
 				      .bit = 4},
 			     .point = {.type = MAP_DOUBLE}};
+	struct object high = {.wire = {.table = MODBUS_HOLDING_REGISTERS,
+				       .type = MAP_SCALED,
+				       .format = MODBUS_FORMAT_UINT16,
+				       .width = 1,
+				       .address = 9,
+				       .bit = 8,
+				       .field = 8,
+				       .scale = 1},
+			      .point = {.type = MAP_SCALED, .min = 0, .max = 200}};
 
 	(void)state;
+	assert_one_write(begin(high, set(0x12), none), MODBUS_MASK_WRITE_REGISTER, 9, 0x00FF, 0x1200);
+	assert_result(high, set(201), LIMIT);
 	assert_one_write(begin(bit, set(1), none), MODBUS_MASK_WRITE_REGISTER, 9, 0xFFF7, 0);
 	assert_one_write(begin(bit, set(0), none), MODBUS_MASK_WRITE_REGISTER, 9, 0xFFF7, 0x0008);
 	assert_one_write(begin(two, set(2), none), MODBUS_MASK_WRITE_REGISTER, 9, 0xFFCF, 0x0020);
