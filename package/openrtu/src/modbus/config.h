@@ -105,20 +105,22 @@ struct modbus_judges {
 	uint16_t status[MODBUS_STATUS_BITS];
 };
 
+#define MODBUS_PERIOD_MAX_MS 0x7FFFFFFu /* that a point has room for; a day is less */
+
 /* Where a point's value is in its slave, and how it stands there; at the number of the point. */
 struct modbus_point {
-	uint16_t address;        /* from 0 */
-	uint16_t second_address; /* of the second of two bits, or of the scale register */
-	uint8_t table;           /* enum modbus_table */
-	uint8_t type;            /* enum map_type, as the point has it */
-	uint8_t width : 3;       /* bits or registers it covers: 1 to 4 */
-	uint8_t format : 5;      /* enum modbus_format */
-	uint8_t bit : 4;     /* of bits of a register: the number of the first, 0 is the least significant */
-	uint8_t field : 4;   /* of a number in some bits of a register: how many, 0: it has whole registers */
-	uint8_t flags;       /* enum modbus_point_flag */
-	uint8_t knot_count;  /* of its scaling table, 0: scale and offset hold */
-	uint16_t first_knot; /* of that, place among the configuration's knots */
-	uint16_t scan_period_ms; /* between two reads of the device, 0: it is read in turn */
+	uint16_t address;             /* from 0 */
+	uint16_t second_address;      /* of the second of two bits, or of the scale register */
+	uint32_t scan_period_ms : 27; /* between two reads of the device, 0: it is read in turn */
+	uint32_t type : 5;            /* enum map_type, as the point has it */
+	uint32_t flags : 8;           /* enum modbus_point_flag */
+	uint32_t knot_count : 6;      /* of its scaling table, 0: scale and offset hold */
+	uint32_t format : 5;          /* enum modbus_format */
+	uint32_t width : 3;           /* bits or registers it covers: 1 to 4 */
+	uint32_t table : 2;           /* enum modbus_table */
+	uint32_t bit : 4;    /* of bits of a register: the number of the first, 0 is the least significant */
+	uint32_t field : 4;  /* of a number in some bits of a register: how many, 0: it has whole registers */
+	uint16_t first_knot; /* of that table, place among the configuration's knots */
 	uint16_t
 	    judges;   /* 1 + place among the configuration's judges, 0: no status bit says anything of it */
 	double scale; /* engineering = raw * scale + offset; 1, 0 where the file says nothing */
@@ -213,7 +215,7 @@ static inline bool modbus_has_scale_register(const struct modbus_point *point)
 	return (point->flags & MODBUS_SCALE_REGISTER) != 0;
 }
 
-_Static_assert(MODBUS_FORMATS <= 32, "modbus_point.format has room for each");
+_Static_assert(MODBUS_FORMATS <= 32 && MAP_COUNTER < 32, "modbus_point has room for each");
 
 /* The Modbus addresses from first to last that one answer must hold, so that what it says belongs together. */
 struct modbus_extent {

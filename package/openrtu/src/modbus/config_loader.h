@@ -39,7 +39,7 @@ struct modbus_entry {
 	uint32_t ioa_offset;
 	uint16_t ca;
 	char name[MAP_NAME_SIZE];
-	uint16_t period_ms;                     /* the slave's, for objects without one */
+	uint32_t period_ms;                     /* the slave's, for objects without one */
 	bool read_back;                         /* the same */
 	bool named;                             /* by the file */
 	const char *ln;                         /* its name in IEC 61850, NULL: none; the file's */

@@ -226,12 +226,12 @@ static struct modbus_point object_wire(const struct config_value *values, enum m
 	struct modbus_point point = {
 	    .address = address,
 	    .second_address = (uint16_t)(second->given ? second->integer : address + 1),
-	    .table = (uint8_t)table,
-	    .type = (uint8_t)type,
+	    .table = table & 3u,
+	    .type = type & 31u,
 	    .width = modbus_object_width(type, format, table) & 7u,
 	    .format = format & 31u,
 	    .flags = wire_flags(values),
-	    .scan_period_ms = (uint16_t)values[OBJECT_PERIOD].integer,
+	    .scan_period_ms = (uint32_t)values[OBJECT_PERIOD].integer & MODBUS_PERIOD_MAX_MS,
 	};
 
 	modbus_object_bits(values, &point);
@@ -318,7 +318,7 @@ static void add_entry(struct modbus_loader *loader, const struct config_place *p
 	if (!modbus_object_scale(loader, place, values, &entry.wire))
 		return;
 	if (!values[OBJECT_PERIOD].given)
-		entry.wire.scan_period_ms = entry.period_ms;
+		entry.wire.scan_period_ms = entry.period_ms & MODBUS_PERIOD_MAX_MS;
 	if (modbus_is_writable(table) &&
 	    !(values[OBJECT_READ_BACK].given ? values[OBJECT_READ_BACK].integer : entry.read_back))
 		entry.wire.flags |= MODBUS_NO_READ_BACK;

@@ -206,7 +206,7 @@ const struct config_rule modbus_object_rules[OBJECT_KEYS] = {
 	 CONFIG_SAYS("Of all types but counter: name of another single point of the slave, without such keys "
 		     "itself, that makes this one not topical (NT) while it is ON.",
 		     .json = CONFIG_JSON({"examples" : ["p3.2.d700"]}))},
-    [OBJECT_PERIOD] = {"period_ms", CONFIG_INTEGER, .low = 10, .high = 60000,
+    [OBJECT_PERIOD] = {"period_ms", CONFIG_INTEGER, .low = 10, .high = 86400000,
 		       CONFIG_SAYS(
 			   "Milliseconds between two reads from the device. Without it, the slave's.")},
     [OBJECT_READ_BACK] = {"read_back", CONFIG_BOOLEAN,

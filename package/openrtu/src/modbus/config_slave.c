@@ -75,7 +75,7 @@ static const struct config_rule slave_rules[SLAVE_KEYS] = {
 	{MODBUS_KEY_PROBE_MAX, CONFIG_INTEGER, .low = 1, .high = UINT8_MAX,
 	 CONFIG_SAYS("Seconds between two probes of the device while it is dead, at most. Without it, up to "
 		     "60, and as many as keep what they cost below 5 % of the line's time.")},
-    [SLAVE_PERIOD] = {"period_ms", CONFIG_INTEGER, .low = 10, .high = 60000,
+    [SLAVE_PERIOD] = {"period_ms", CONFIG_INTEGER, .low = 10, .high = 86400000,
 		      CONFIG_SAYS("Milliseconds between two reads of the device's objects, where they say "
 				  "nothing else. Without it, they are read in turn.")},
     [SLAVE_REACTION] = {"reaction_ms", CONFIG_NUMBER, .low = 0.1, .high = 10000,
@@ -444,7 +444,7 @@ static void read_template_objects(struct modbus_loader *loader, const struct con
 /* What all objects of the slave have of it. */
 static void fill_entry(struct modbus_entry *entry, const struct config_value *values)
 {
-	entry->period_ms = (uint16_t)values[SLAVE_PERIOD].integer;
+	entry->period_ms = (uint32_t)values[SLAVE_PERIOD].integer;
 	entry->read_back = values[SLAVE_READ_BACK].integer;
 	entry->ioa_offset = (uint32_t)values[SLAVE_IOA_OFFSET].integer;
 	entry->prefix = values[SLAVE_NAME_PREFIX].given ? values[SLAVE_NAME_PREFIX].text : "";

@@ -404,7 +404,7 @@ static bool keep_knots(struct modbus_loader *loader, const struct config_place *
 	}
 	map_move_section(config, MODBUS_KNOTS, knots);
 	point->first_knot = (uint16_t)used;
-	point->knot_count = (uint8_t)count;
+	point->knot_count = count & 63u;
 	for (uint32_t i = 0; i < count; i++)
 		read_knot(json_array_get(json, i), map_next_record(config, MODBUS_KNOTS));
 	return true;

@@ -56,8 +56,8 @@ static struct modbus_object object_of(const struct modbus_point *point, uint32_t
 
 	return (struct modbus_object){.tag = number,
 				      .address = (uint16_t)extent.first,
-				      .function = read_function(point->table),
-				      .width = (uint16_t)(extent.last - extent.first + 1),
+				      .function = read_function((uint8_t)point->table) & 15u,
+				      .width = (extent.last - extent.first + 1) & 0xFFFu,
 				      .period_ms = point->scan_period_ms};
 }
 

@@ -276,6 +276,13 @@ static void refuse_silent_reads(struct modbus_line *line, uint32_t index, int64_
 			modbus_refuse_read(line, index, read, 0, now_ns);
 }
 
+/* All its points are invalid, however long their period is. */
+static void read_all_at_once(struct modbus_device *device)
+{
+	for (uint32_t read = 0; read < device->read_count; read++)
+		device->reads[read].due_ns = 0;
+}
+
 void modbus_device_answered(struct modbus_line *line, uint32_t index, int64_t now_ns)
 {
 	struct modbus_device *device = &line->devices[index];
@@ -294,6 +301,7 @@ void modbus_device_answered(struct modbus_line *line, uint32_t index, int64_t no
 	/* It may be another one that now has this address, and refuse other things. */
 	if (was_gone)
 		modbus_replan(line, device);
+	read_all_at_once(device);
 	device->cursor = 0;
 	line->events->alive(line->context, index, true, now_ns);
 }

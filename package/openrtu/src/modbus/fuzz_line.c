@@ -346,9 +346,8 @@ static void begin(bool tcp)
 						    .objects = objects[d],
 						    .reads = reads[d]};
 		for (uint16_t i = 0; d > 0 && i < OBJECTS; i++)
-			objects[d][devices[d].object_count++] =
-			    (struct modbus_object){i, (uint16_t)(i * i), functions[i % 4],
-						   (uint8_t)(1 + i % 2), (uint16_t)(i % 3 * 50)};
+			objects[d][devices[d].object_count++] = (struct modbus_object){
+			    i, (uint16_t)(i * i), functions[i % 4] & 15u, (1 + i % 2) & 15u, i % 3 * 50u};
 	}
 	line = (struct modbus_line){.events = &events,
 				    .devices = devices,

@@ -19,11 +19,11 @@
 
 /* What a device offers at one address. Its bits or registers always travel in one answer. */
 struct modbus_object {
-	uint32_t tag;       /* the caller's; not looked at */
-	uint16_t address;   /* from 0 */
-	uint8_t function;   /* that reads it: 1..4 */
-	uint16_t width;     /* bits or registers, with what lies between those that belong together */
-	uint16_t period_ms; /* it is read so often, 0: in turn */
+	uint32_t tag;          /* the caller's; not looked at */
+	uint16_t address;      /* from 0 */
+	uint16_t function : 4; /* that reads it: 1..4 */
+	uint16_t width : 12;   /* bits or registers, with what lies between those that belong together */
+	uint32_t period_ms;    /* it is read so often, 0: in turn */
 };
 
 /* What one request may read of a device, and how soon it answers; all 0: nothing is known of it. */

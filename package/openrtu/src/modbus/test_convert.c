@@ -14,10 +14,10 @@
 static struct modbus_point of_format(enum map_type type, enum modbus_format format, uint16_t flags)
 {
 	return (struct modbus_point){.table = MODBUS_HOLDING_REGISTERS,
-				     .type = (uint8_t)type,
+				     .type = type & 31u,
 				     .format = format & 31u,
 				     .width = modbus_formats[format].registers & 7u,
-				     .flags = (uint8_t)flags,
+				     .flags = flags & 255u,
 				     .scale = 1};
 }
 

@@ -5,7 +5,7 @@
 /* 19200 8E1: 8 + 5 + 2 * 8 characters of 573 us, a reaction of 5 ms, a silence of 2 ms. */
 #define TRANSACTION_NS (24 * MS)
 
-static void add_periodic_device(uint8_t unit, uint16_t period_ms)
+static void add_periodic_device(uint8_t unit, uint32_t period_ms)
 {
 	add_device(unit, 1);
 	add_objects(MODBUS_READ_HOLDING_REGISTERS, 0, 8);
@@ -173,6 +173,79 @@ static void test_what_is_refused_is_asked_for_ever_more_rarely(void **state)
 	assert_in_range(bus.sent_count, 99, 101);
 }
 
+#define DAY_MS 86400000
+
+static unsigned asked_for(uint16_t address)
+{
+	unsigned count = 0;
+
+	for (size_t i = 0; i < bus.sent_count; i++)
+		count += bus.sent[i].request.address == address;
+	return count;
+}
+
+/* Four registers ten times a second, and one once a day; all are read once. */
+static void start_with_a_rare_read(void)
+{
+	set_up();
+	add_device(1, 1);
+	add_objects(MODBUS_READ_HOLDING_REGISTERS, 0, 4);
+	add_objects(MODBUS_READ_HOLDING_REGISTERS, 20, 1);
+	for (uint32_t i = 0; i < 4; i++)
+		bus.objects[0][i].period_ms = 100;
+	bus.objects[0][4].period_ms = DAY_MS;
+	start();
+	run_for(SECOND);
+}
+
+static void test_a_read_once_a_day(void **state)
+{
+	(void)state;
+	start_with_a_rare_read();
+	assert_int_equal(asked_for(20), 1);
+	forget_trace();
+	run_for(60 * SECOND);
+	assert_int_equal(asked_for(20), 0);
+	assert_true(asked_for(0) > 500);
+	/* On its day; what happens between is not simulated. */
+	bus.now_ns = DAY_MS * MS;
+	forget_trace();
+	run_for(SECOND);
+	assert_int_equal(asked_for(20), 1);
+}
+
+/* Its points are invalid, the rare ones too: nobody waits a day for them. */
+static void test_of_a_device_that_is_back_all_is_read(void **state)
+{
+	(void)state;
+	start_with_a_rare_read();
+	bus.slaves[0].fault = MUTE;
+	bus.slaves[0].faults = 2;
+	run_until_dead(0, 5 * SECOND);
+	forget_trace();
+	run_for(10 * SECOND);
+	assert_true(bus.devices[0].alive);
+	assert_int_equal(asked_for(20), 1);
+}
+
+/* What is of the moment is over before the period is. */
+static void test_what_a_busy_device_did_not_give_is_asked_for_again(void **state)
+{
+	(void)state;
+	set_up();
+	add_periodic_device(1, DAY_MS);
+	bus.slaves[0].exception = MODBUS_BUSY;
+	start();
+	run_for(5 * SECOND);
+	assert_int_equal(bus.reads_done[0], 0);
+	bus.slaves[0].exception = 0;
+	run_for(10 * SECOND);
+	assert_true(bus.reads_done[0] > 0);
+	forget_trace();
+	run_for(60 * SECOND);
+	assert_int_equal(bus.sent_count, 0);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -184,6 +257,9 @@ int main(void)
 	    cmocka_unit_test(test_a_dead_device_costs_the_periods_of_others_its_time_outs),
 	    cmocka_unit_test(test_a_read_without_an_answer_is_repeated_in_its_period),
 	    cmocka_unit_test(test_what_is_refused_is_asked_for_ever_more_rarely),
+	    cmocka_unit_test(test_a_read_once_a_day),
+	    cmocka_unit_test(test_of_a_device_that_is_back_all_is_read),
+	    cmocka_unit_test(test_what_a_busy_device_did_not_give_is_asked_for_again),
 	};
 	return cmocka_run_group_tests_name("modbus line periods", tests, NULL, NULL);
 }

@@ -222,7 +222,7 @@ static void test_every_object_is_in_one_read(void **state)
 		uint32_t total = 1 + random_next(&seed) % 300, address = 0;
 
 		for (uint32_t i = 0; i < total; i++) {
-			many[i] = (struct modbus_object){i, (uint16_t)address, (uint8_t)(1 + i * 4 / total),
+			many[i] = (struct modbus_object){i, (uint16_t)address, (1 + i * 4 / total) & 15u,
 							 (uint8_t)(1 + random_next(&seed) % 2), 0};
 			address += 2 + random_next(&seed) % 3 * (random_next(&seed) % 60);
 		}

@@ -71,11 +71,14 @@ static void read_answered(struct modbus_line *line, const uint8_t *data, int64_t
 static void read_refused(struct modbus_line *line, uint8_t exception, int64_t now_ns)
 {
 	struct modbus_device *device = &line->devices[line->device];
+	struct modbus_read *read = &device->reads[line->read];
 
 	line->scan_ended_ns = now_ns;
 	if (modbus_refuse_read(line, line->device, line->read, exception, now_ns))
 		return;
-	serve_period(line, &device->reads[line->read]);
+	serve_period(line, read);
+	if (modbus_is_of_the_moment(exception)) /* which is shorter than a long period */
+		read->due_ns = earlier(read->due_ns, read->not_before_ns);
 	if (line->read == device->cursor)
 		device->cursor++;
 }

@@ -14,8 +14,7 @@
 #define COMMANDS_HELD_MAX 16
 #define COMMANDS_READ_BACK_NS                                                                                \
 	3000000000LL /* a device that confirmed and is not read by then: done all the same */
-#define COMMANDS_READ_LATER_NS                                                                               \
-	120000000000LL /* twice the longest period; what is read behind that is no return */
+#define COMMANDS_READ_LATER_NS 120000000000LL /* what is read behind that is no return */
 
 enum commands_phase {
 	COMMANDS_WRITING,
