@@ -17,7 +17,8 @@ from netboot.double import BLOCK, Double, Operation, hush
 from netboot.double.faults import Fault
 from netboot.images import device_tree, ubi_image, uimage
 from netboot.ports import free_port
-from nuc980.netboot import arrival, console, linux, probe, steps, transport
+from nuc980 import ports
+from nuc980.netboot import arrival, console, linux, probe, steps
 from nuc980.netboot.cli import main
 from nuc980.netboot.errors import NetbootError
 from nuc980.netboot.flash import backup
@@ -213,7 +214,7 @@ def play(
 ) -> None:
     """Runs a scenario, and judges how it ended and what it left."""
     hurry(monkeypatch, scenario.patience)
-    monkeypatch.setattr(transport, "PTYS", ())  # the double's stands for a UART: it has a speed
+    monkeypatch.setattr(ports, "PTYS", ())  # the double's stands for a UART: it has a speed
     typed = recorded(monkeypatch)
     bench = Bench(folder, scenario)
     with bench.double:

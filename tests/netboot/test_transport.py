@@ -24,6 +24,7 @@ import serial
 import serial.rfc2217
 
 from netboot.clockwork import Board, PtyBoard, UBoot, fastest
+from nuc980 import ports
 from nuc980.netboot import transport
 from nuc980.netboot.console import Console
 from nuc980.netboot.errors import (
@@ -258,7 +259,7 @@ def test_program_that_may_have_taken_the_answer_is_named(wire: Pty) -> None:
 def test_pty_has_no_speed(wire: Pty) -> None:
     with Line(wire.name) as line:
         assert not line.has_speed
-    with mock.patch.object(transport, "PTYS", ()), Line(wire.name) as line:
+    with mock.patch.object(ports, "PTYS", ()), Line(wire.name) as line:
         assert line.has_speed
 
 

@@ -31,6 +31,7 @@ from nuc980.netboot.errors import (
     SpeedRefused,
     UnusableInput,
 )
+from nuc980.ports import holders_of, how_to_be_allowed, is_pty
 
 # UART0 of the board, docs/netboot.md
 BAUD = 115200
@@ -43,7 +44,6 @@ VEIL_SECONDS = 1.0  # an echo comes whole within
 READ_MOST = 4096
 
 SCHEMES = ("socket", "rfc2217")
-PTYS = range(136, 144)  # major numbers: UNIX98_PTY_SLAVE_MAJOR
 
 BROKEN = (serial.SerialException, OSError, termios.error)
 
@@ -69,7 +69,7 @@ class Line:
         except BaseException:
             self._close_log()
             raise
-        self._pty = os.major(_device_number(url)) in PTYS
+        self._pty = is_pty(url)
         self._socket: socket.socket | None = getattr(self._port, "_socket", None)
         if self._socket:
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -151,7 +151,7 @@ class Line:
 
     def shared_with(self) -> list[str]:
         """The other programs that have the device open, as far as this user may know: `name (pid)`."""
-        return _holders(self.url)
+        return holders_of(self.url)
 
     def other_readers(self) -> str:
         """What is to be said of those, or an empty text: no lock keeps a program out that asks for none."""
@@ -264,9 +264,9 @@ def _why_no_device(device: str, error: Exception) -> Callable[[str], UnusableInp
         case errno.ENOENT | errno.ENODEV | errno.ENXIO:
             return partial(PortMissing, next_step=_ports_there())
         case errno.EACCES | errno.EPERM:
-            return partial(PortForbidden, next_step=_how_to_be_allowed(device))
+            return partial(PortForbidden, next_step=how_to_be_allowed(device))
         case errno.EAGAIN | errno.EBUSY:
-            holders = ", ".join(_holders(device))
+            holders = ", ".join(holders_of(device))
             return partial(PortBusy, cause=holders and f"it is open in {holders}")
         case _:
             return NotAPort
@@ -275,44 +275,3 @@ def _why_no_device(device: str, error: Exception) -> Callable[[str], UnusableInp
 def _ports_there() -> str:
     ports = ", ".join(sorted(port.device for port in list_ports.comports()))
     return f"name one that is there: {ports}" if ports else "plug the adapter in: no serial port is there"
-
-
-def _how_to_be_allowed(device: str) -> str:
-    group = Path(device).group()
-    if group == "root":
-        return "let a udev rule give the port to the group dialout, or run this as root"
-    return f"sudo usermod -aG {group} $USER, then log out and in again"
-
-
-def _device_number(url: str) -> int:
-    """0 for what is no device."""
-    with suppress(OSError):
-        return Path(url).stat().st_rdev
-    return 0
-
-
-def _holders(device: str) -> list[str]:
-    number = _device_number(device)
-    if not number:
-        return []
-    processes = [process for process in Path("/proc").glob("[0-9]*") if process.name != str(os.getpid())]
-    return sorted({_program(process) for process in processes if _has_open(process, number)})
-
-
-def _has_open(process: Path, number: int) -> bool:
-    """Not, as far as this user may know, or when it has just ended."""
-    with suppress(OSError), os.scandir(process / "fd") as files:
-        return any(_leads_to(Path(file), number) for file in files)
-    return False
-
-
-def _leads_to(file: Path, number: int) -> bool:
-    with suppress(OSError):
-        return file.stat().st_rdev == number
-    return False
-
-
-def _program(process: Path) -> str:
-    with suppress(OSError):
-        return f"{(process / 'comm').read_text().strip()} ({process.name})"
-    return process.name
