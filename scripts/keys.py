@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Writes what is made of the rules of configurations: the JSON Schema, which rtud --schema prints, and
-from it the tables of docs/configuration.md; those of docs/centre.md from rtu-centre --schema, and those of
-docs/control-centre.md from centre/settings.py. A table stands below a comment that names it:
+from it the tables of docs/configuration.md, and what the tools for Modbus devices share with the gateway; the
+tables of docs/centre.md from rtu-centre --schema, those of docs/control-centre.md from centre/settings.py. A
+table stands below a comment that names it:
 
     <!-- keys: slave -->            all keys of this definition of the schema, the outermost object being file
     <!-- keys: tcp_slave.id -->     one of them; several words, one after the other
@@ -22,8 +23,10 @@ from openrtu_tools.centre import settings
 
 SCHEMA = "package/openrtu/src/rtud/config.schema.json"
 PAGES = {"docs/configuration.md": "rtud/rtud", "docs/centre.md": "centre/rtu-centre"}
+MADE = "scripts/openrtu_tools/modbus/made.py"
 FILE = "file"
 CENTRE_PAGE = "docs/control-centre.md"
+QUOTES = '"""'
 HEAD = "| key | values | default | meaning |\n|---|---|---|---|\n"
 TABLE = re.compile(r"(<!-- keys: ([\w. ]+) -->\n\n)(?:\|.*\n)*")
 SETTINGS_HEAD = "| key | default | what it says |\n|---|---|---|\n"
@@ -185,6 +188,34 @@ def control_centre(text: str) -> str:
     return SETTINGS.sub(table, text)
 
 
+def modbus(keys: Keys) -> str:
+    """Tables, formats, orders and manuals' numbers of registers, as the keys of an object take them."""
+    slave, of_object = (keys.definition(name)["properties"] for name in ("slave", "object"))
+    tables = [
+        key for key, rule in slave.items() if f"{rule.get('items', {}).get('$ref', '')}s".endswith(f"/{key}")
+    ]
+    digits = re.match(r"\^\[(\d+)\]", of_object["register"]["pattern"])
+    assert digits and len(digits[1]) == len(tables), "a first digit for each table"
+    lists = {
+        "TABLES": tables,
+        "FORMATS": of_object["format"]["enum"],
+        "WORD_ORDERS": of_object["word_order"]["enum"],
+        "BYTE_ORDERS": of_object["byte_order"]["enum"],
+    }
+    lines = [
+        "# SPDX-License-Identifier: GPL-3.0-or-later",
+        f"{QUOTES}What the configuration says of Modbus objects.",
+        f"\nMade by `make keys` from its rules; do not edit.\n{QUOTES}\n",
+        *(
+            f"{name} = (\n{''.join(f'    {json.dumps(word)},{chr(10)}' for word in words)})"
+            for name, words in lists.items()
+        ),
+        f'NUMBER_DIGITS = "{digits[1]}"  # the first of a manual\'s number, by table',
+        f"ADDRESS_LAST = {of_object['address']['maximum']}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
 def main() -> int:
     words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     words.add_argument("--check", action="store_true", help="write nothing")
@@ -197,9 +228,11 @@ def main() -> int:
         if run.returncode != 0:
             print(run.stderr, end="", file=sys.stderr)
             return 2
-        made[path] = page(Keys(run.stdout, path), (given.tree / path).read_text(encoding="utf-8"))
+        keys = Keys(run.stdout, path)
+        made[path] = page(keys, (given.tree / path).read_text(encoding="utf-8"))
         if program == "rtud/rtud":
             made[SCHEMA] = run.stdout
+            made[MADE] = modbus(keys)
     made[CENTRE_PAGE] = control_centre((given.tree / CENTRE_PAGE).read_text(encoding="utf-8"))
     old = [path for path, text in made.items() if (given.tree / path).read_text(encoding="utf-8") != text]
     for path in old:

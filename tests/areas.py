@@ -61,6 +61,7 @@ REACH = [
         f"{CONFIG} tests/test_points.py tests/test_docs_commands.py",
     ),
     ("docs/limit.md", "tests/test_config.py"),
+    ("docs/toolbox.md", "tests/test_docs_commands.py"),
     ("docs/interoperability.md", "tests/test_interoperability.py"),
     ("docs/faults.md", "tests/test_line_faults.py"),
     ("docs/telecontrol.md", "tests/test_event_journal.py tests/test_retained.py tests/test_station_tls*.py"),
@@ -161,6 +162,8 @@ REACH = [
     ),
     ("scripts/keys.py", f"lint {CONFIG} tests/test_codes_added.py {KEYS}"),
     ("scripts/block-plots.py", "lint tests/test_logic_blocks.py"),
+    ("scripts/openrtu_tools/modbus/made.py", f"{PIP} tests/test_toolbox*.py {KEYS}"),
+    ("scripts/openrtu_tools/modbus/*", f"{PIP} tests/test_toolbox*.py tests/test_openrtu_completion.py"),
     ("scripts/openrtu_tools/points.py", f"{PIP} tests/test_points.py {CONFIG}"),
     ("scripts/openrtu_tools/codes.py", f"{PIP} test-centre {CODES} tests/test_logic*.py tests/test_snmp.py"),
     ("scripts/openrtu_tools/scl.py", f"{PIP} tests/test_iec61850_cid.py"),
@@ -171,7 +174,7 @@ REACH = [
         f"{PIP} test-centre tests/test_logic*.py tests/test_event_journal.py tests/test_points.py "
         "tests/test_web.py tests/test_iec61850_cid.py tests/test_snmp*.py tests/test_plant.py "
         "tests/test_show.py tests/test_version.py tests/test_docs_commands.py tests/linux/test_run.py "
-        "tests/test_openrtu_completion.py",
+        "tests/test_openrtu_completion.py tests/test_toolbox*.py",
     ),
     ("scripts/lab/twin_show.py", "test-twin"),
     (

@@ -56,7 +56,7 @@ def said(command: list[str | Path], code: int = 0) -> str:
 
 @pytest.fixture
 def copy(tmp_path: Path) -> Path:
-    for folder in ("docs", "package/openrtu"):
+    for folder in ("docs", "package/openrtu", "scripts/openrtu_tools/modbus"):
         shutil.copytree(ROOT / folder, tmp_path / folder, symlinks=True)
     return tmp_path
 

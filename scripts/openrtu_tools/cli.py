@@ -46,6 +46,13 @@ TOOLS = {
     "points": Tool("openrtu_tools.points", "make a configuration of a list of points"),
     "scl": Tool("openrtu_tools.scl", "take a CID of an engineer's tool into a configuration"),
     "logic": Tool("openrtu_tools.logic.cli", "check, compile and try Structured Text (IEC 61131-3)", "logic"),
+    "read": Tool(
+        "openrtu_tools.modbus.read", "read registers and bits of a Modbus device that is in no file"
+    ),
+    "write": Tool(
+        "openrtu_tools.modbus.write", "write registers or coils of such a device, and read them back"
+    ),
+    "poll": Tool("openrtu_tools.modbus.poll", "read again and again, and print what changes"),
     "snmp-keys": Tool("openrtu_tools.snmp_keys", "make the keys of rtu-snmp"),
     "web-users": Tool("openrtu_tools.web_users", "add, change or remove a user of rtu-web"),
     "centre": Tool("openrtu_tools.centre.cli", "run the control centre, and what belongs to it", "centre"),

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What all commands for a Modbus device take: where it is, how its line is set, its unit, its objects."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable
+from typing import Any
+
+from nuc980.errors import UnusableInput
+from openrtu_tools.modbus import registers
+from openrtu_tools.modbus.frames import BIT_TABLES
+from openrtu_tools.modbus.links import Link, RtuLink, SerialStream, SocketStream, TcpLink
+from openrtu_tools.modbus.made import BYTE_ORDERS, FORMATS, WORD_ORDERS
+from openrtu_tools.modbus.registers import Place
+from openrtu_tools.modbus.serial_port import PARITIES, SPEEDS, Settings
+from openrtu_tools.modbus.values import WITHOUT, Layout
+
+PORT = 502
+UNIT_LAST = 255
+SERIAL_UNIT_LAST = 247
+DAY_S = 86400
+BAUD, PARITY = 19200, "even"  # MODBUS over Serial Line V1.02, 2.4 and 2.5.1: what every device has
+
+
+def ranged(low: float, high: float, kind: Callable[[str], Any]) -> Callable[[str], Any]:
+    def number(text: str) -> Any:
+        try:
+            found = kind(text)
+        except ValueError:
+            found = math.nan
+        if not low <= found <= high:
+            raise argparse.ArgumentTypeError(f'"{text}" is not from {low:g} to {high:g}')
+        return found
+
+    return number
+
+
+def place(text: str) -> Place:
+    try:
+        return registers.place(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+
+
+def speed(text: str) -> int:
+    if not text.isdigit() or int(text) not in SPEEDS or int(text) == 0:
+        raise argparse.ArgumentTypeError(f'"{text}" is no speed of a serial port, as 9600 or 19200')
+    return int(text)
+
+
+def add_device(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "device", help="a serial port (/dev/ttyUSB0), or HOST or HOST:PORT of a device on Modbus TCP"
+    )
+    parser.add_argument(
+        "-u", "--unit", type=ranged(0, UNIT_LAST, int), required=True, help="the device's Modbus address"
+    )
+
+
+def add_line(parser: argparse.ArgumentParser) -> None:
+    line = parser.add_argument_group("of a serial port")
+    line.add_argument("--baud", type=speed, default=BAUD, metavar="BIT/S", help=f"speed [{BAUD}]")
+    line.add_argument("--parity", choices=PARITIES, default=PARITY, help=f"[{PARITY}]")
+    line.add_argument("--stop-bits", type=int, choices=(1, 2), default=1, help="[1]")
+
+
+def add_link(parser: argparse.ArgumentParser, timeout_s: float) -> None:
+    parser.add_argument(
+        "--rtu", action="store_true", help="to HOST:PORT, RTU in place of Modbus TCP: through a serial server"
+    )
+    parser.add_argument(
+        "--timeout",
+        type=ranged(0.01, 60, float),
+        default=timeout_s,
+        metavar="S",
+        help=f"seconds that an answer may take to begin [{timeout_s:g}]",
+    )
+
+
+def add_layout(parser: argparse.ArgumentParser) -> None:
+    layout = parser.add_argument_group("of registers, as the keys of an object (docs/configuration.md)")
+    layout.add_argument("--format", choices=FORMATS, help=f"what they hold [{WITHOUT}]")
+    layout.add_argument("--word-order", choices=WORD_ORDERS, default=WORD_ORDERS[0], help="[big]")
+    layout.add_argument("--byte-order", choices=BYTE_ORDERS, default=BYTE_ORDERS[0], help="[big]")
+
+
+def layout_of(parsed: argparse.Namespace) -> Layout:
+    return Layout(parsed.format or WITHOUT, parsed.word_order, parsed.byte_order)
+
+
+def named_layout(parsed: argparse.Namespace) -> Layout | None:
+    """None: nobody said what a register holds."""
+    layout = layout_of(parsed)
+    return layout if parsed.format or layout != Layout() else None
+
+
+def width(place: Place, layout: Layout) -> int:
+    """Bits or registers of a value there."""
+    return 1 if place.table in BIT_TABLES else layout.width
+
+
+def is_serial(device: str) -> bool:
+    return "/" in device
+
+
+def settings_of(parsed: argparse.Namespace) -> Settings:
+    return Settings(parsed.baud, parsed.parity, parsed.stop_bits)
+
+
+def link_of(parsed: argparse.Namespace) -> Link:
+    """Opened. Raises UnusableInput."""
+    if is_serial(parsed.device):
+        if parsed.unit > SERIAL_UNIT_LAST:
+            raise UnusableInput(f"--unit {parsed.unit}: units of a serial line are 1 to {SERIAL_UNIT_LAST}")
+        if parsed.rtu:
+            raise UnusableInput("--rtu: a serial port has no other way")
+        settings = settings_of(parsed)
+        return RtuLink(SerialStream(parsed.device, settings), parsed.timeout, settings)
+    host, port = address(parsed.device)
+    stream = SocketStream(host, port, parsed.timeout)
+    return RtuLink(stream, parsed.timeout, None) if parsed.rtu else TcpLink(stream, parsed.timeout)
+
+
+def address(device: str) -> tuple[str, int]:
+    """HOST, HOST:PORT, [IPv6]:PORT or an IPv6 address by itself. Raises UnusableInput."""
+    host, colon, port = device.rpartition(":")
+    if not colon or device.endswith("]") or (":" in host.strip("[]") and not host.startswith("[")):
+        host, port = device, str(PORT)
+    host = host.removeprefix("[").removesuffix("]")
+    if not host or not port.isascii() or not port.isdigit() or not 0 < int(port) < 1 << 16:
+        raise UnusableInput(f'"{device}" is no HOST or HOST:PORT, nor a serial port as /dev/ttyUSB0')
+    return host, int(port)
