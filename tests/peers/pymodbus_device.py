@@ -6,13 +6,14 @@ import threading
 from collections.abc import Coroutine, Sequence
 from typing import Any
 
+from pymodbus import ModbusDeviceIdentification
 from pymodbus.pdu import ModbusPDU
 from pymodbus.server import ModbusSerialServer, ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
 from peers.device import BAUD_RATE, FIRST_ADDRESS, TABLE_SIZE, UNIT, Device
 
-ANSWER_TIMEOUT_S = 10.0
+ANSWER_TIMEOUT_S = 60.0  # its memory takes seconds of a busy host
 FUNCTION = {"coils": 1, "discrete_inputs": 2, "holding_registers": 3, "input_registers": 4}
 BIT_TABLES = ("coils", "discrete_inputs")
 
@@ -26,6 +27,7 @@ def _registers() -> list[SimData]:
 
 
 class PymodbusDevice(Device):
+    identity: ModbusDeviceIdentification | None = None
     _server: ModbusSerialServer | ModbusTcpServer
 
     def start(self) -> None:
@@ -53,7 +55,9 @@ class PymodbusDevice(Device):
         memory = SimDevice(UNIT, (_bits(), _bits(), _registers(), _registers()))
         if isinstance(self.place, int):
             address = ("127.0.0.1", self.place)
-            self._server = ModbusTcpServer(memory, address=address, trace_pdu=self._trace)
+            self._server = ModbusTcpServer(
+                memory, address=address, identity=self.identity, trace_pdu=self._trace
+            )
         else:
             self._server = ModbusSerialServer(
                 memory, port=str(self.place), baudrate=BAUD_RATE, trace_pdu=self._trace
