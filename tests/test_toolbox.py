@@ -355,13 +355,14 @@ def test_an_answer_is_found_behind_an_echo_and_noise(said: Said, answer: bytes) 
         (REQUEST, "only the request itself came back"),
         (ANSWER[:-1] + bytes([ANSWER[-1] ^ 1]), "an answer with a wrong CRC came"),
         (ANSWER[:4], "no whole answer came"),
+        (rtu("09 03 0000 0001"), "somebody asked unit 9 something when unit 5 was to answer"),
         (b"\x7f" * 30, "came to the read of holding register 16 of unit 5: 7f 7f"),
         (rtu("06 03 02 1234"), "unit 6 answered, not unit 5: 06 03 02 12 34"),
         (rtu("05 03 04 1234 5678"), "unit 5 answered something else than the read of holding register 16"),
         (rtu("05 83 0b"), "exception 11, gateway target device failed to respond"),
         (rtu("05 83 63"), "exception 99, not in the standard"),
     ],
-    ids=["silence", "echo", "crc", "short", "noise", "unit", "length", "exception", "unknown"],
+    ids=["silence", "echo", "crc", "short", "master", "noise", "unit", "length", "exception", "unknown"],
 )
 def test_what_is_wrong_is_said(said: Said, answer: bytes, says: str) -> None:
     with Strange(answer) as strange:

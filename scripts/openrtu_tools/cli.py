@@ -53,6 +53,7 @@ TOOLS = {
         "openrtu_tools.modbus.write", "write registers or coils of such a device, and read them back"
     ),
     "poll": Tool("openrtu_tools.modbus.poll", "read again and again, and print what changes"),
+    "scan": Tool("openrtu_tools.modbus.scan", "find Modbus devices on serial ports or at TCP addresses"),
     "snmp-keys": Tool("openrtu_tools.snmp_keys", "make the keys of rtu-snmp"),
     "web-users": Tool("openrtu_tools.web_users", "add, change or remove a user of rtu-web"),
     "centre": Tool("openrtu_tools.centre.cli", "run the control centre, and what belongs to it", "centre"),

@@ -21,6 +21,7 @@ ECHOES = (WRITE_COIL, WRITE_REGISTER)  # the answer is the request
 REPORT_SERVER_ID, ENCAPSULATED = 17, 43
 DEVICE_IDENTIFICATION = 14  # of function 43
 BASIC, MORE_FOLLOWS = 1, 0xFF
+MORE_AT = 4  # in an identification; the next object behind it
 OBJECTS_BEGIN = 7
 COIL_ON = 0xFF00
 BIT_TABLES = TABLES[:2]

@@ -37,6 +37,7 @@ SILENCE_LEAST_S = 0.00175  # MODBUS over Serial Line V1.02, 2.5.1.1: above 19200
 QUIET_S = 0.1  # behind octets that are no answer: adapters on USB hand over theirs up to 16 ms late
 NOISE_MOST = 3  # octets before an answer, from a transceiver that turns round
 READ_SIZE = 512
+REQUEST_LENGTH = 8  # of a read
 UNREADABLE = 1024  # more octets than any answer has
 SHOWN = 32  # octets of what was no answer
 PREFIX = 6  # of a TCP frame, before the unit
@@ -106,6 +107,7 @@ class SocketStream(Stream):
             why = getattr(error, "strerror", None) or error
             raise Unreachable(f"{self.name} cannot be reached: {why}") from error
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self.address: str = self._socket.getpeername()[0]
 
     def send(self, octets: bytes) -> None:
         try:
@@ -184,6 +186,15 @@ def frame_at(octets: bytes, start: int) -> bytes | None:
     return body if octets[end : end + 2] == frames.crc(body) else None
 
 
+def request_in(octets: bytes) -> bytes | None:
+    """A request of a read, or of a write of one, with its own CRC."""
+    for start in range(len(octets) - REQUEST_LENGTH + 1):
+        frame = octets[start : start + REQUEST_LENGTH]
+        if 1 <= frame[1] <= frames.WRITE_REGISTER and frames.crc(frame[:-2]) == frame[-2:]:
+            return frame
+    return None
+
+
 class RtuLink(Link):
     """settings: of a serial line; None: of a serial server, whose line has its own."""
 
@@ -233,7 +244,7 @@ class RtuLink(Link):
             self._heard()
             if len(late) > UNREADABLE:
                 raise ForeignTraffic(f"{self.stream.name} does not fall silent")
-        if late and not self._is_of_last(late):
+        if late:
             self.overheard(late)
 
     def _guard_s(self, request: Request) -> float:
@@ -243,13 +254,8 @@ class RtuLink(Link):
             return 0
         return max(self._late_until - time.monotonic(), 0)
 
-    def _is_of_last(self, late: bytes) -> bool:
-        body = frame_at(late, 0)
-        last = self._unanswered
-        return last is not None and body is not None and body[0] == last.unit and frames.fits(last, body[1:])
-
     def overheard(self, octets: bytes) -> None:
-        """Octets that nobody asked for. A scan ends here."""
+        """Octets that come between two requests: not of whom this one asks."""
 
     def _send(self, request: Request) -> None:
         wait = self._quiet_at - time.monotonic()
@@ -306,6 +312,11 @@ class RtuLink(Link):
         if framed(request) == octets:
             return OnlyEcho(f"only the request itself came back from {self.stream.name}")
         body = frame_at(octets, 0)
+        if other := request_in(octets.removeprefix(framed(request))):
+            return ForeignTraffic(
+                f"somebody asked unit {other[0]} something when unit {request.unit} was to answer: "
+                f"{shown(octets)}"
+            )
         if body and body[0] != request.unit:
             return OtherUnit(f"unit {body[0]} answered, not unit {request.unit}: {shown(octets)}", body[0])
         if body:
