@@ -14,6 +14,7 @@ import socket
 import struct
 import subprocess
 import sys
+import termios
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -25,9 +26,9 @@ from pymodbus.client import ModbusTcpClient
 from desk import patience
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from openrtu_tools.cli import main
-from openrtu_tools.modbus import frames, made, registers
+from openrtu_tools.modbus import frames, made, registers, serial_port
 from openrtu_tools.modbus.errors import EXCEPTIONS
-from openrtu_tools.modbus.values import CODES, Layout
+from openrtu_tools.modbus.values import FORMAT, Layout
 from peers.device import BAUD_RATE, UNIT, Device
 from peers.line import line
 from peers.pymodbus_device import PymodbusDevice
@@ -37,6 +38,7 @@ ABSENT = 3  # an address that the devices do not have
 PATIENCE_S = 30  # an answer on a busy host
 SHORT_S = 0.5  # of a device that does not answer
 FLOAT = [0x42F6, 0xE979]  # 123.456
+PYMODBUS = {kind.name for kind in ModbusTcpClient.DATATYPE}
 Said = Callable[..., tuple[int, list[str], str]]
 
 
@@ -89,7 +91,8 @@ def cells(row: str) -> list[str]:
 
 
 def test_every_format_of_the_configuration_can_be_read() -> None:
-    assert set(CODES) == set(made.FORMATS)
+    assert [name for name in made.FORMATS if not FORMAT.fullmatch(name)] == []
+    assert {Layout(name).width for name in made.FORMATS} <= {1, 2, 3, 4}
 
 
 GOOD_NUMBERS = ["00001", "09999", "000003", "065536", "10001", "165536", "30010", "365000", "40001", "49999"]
@@ -141,7 +144,7 @@ def test_a_place_is_shown_as_it_may_be_typed(table: str, address: int) -> None:
 
 
 @pytest.mark.parametrize("word_order", made.WORD_ORDERS)
-@pytest.mark.parametrize("name", made.FORMATS)
+@pytest.mark.parametrize("name", [name for name in made.FORMATS if name.upper() in PYMODBUS])
 def test_a_format_is_that_of_pymodbus(name: str, word_order: Any) -> None:
     """Random registers, so each bit counts; what it makes of them becomes the same registers again."""
     kind = getattr(ModbusTcpClient.DATATYPE, name.upper())
@@ -154,6 +157,52 @@ def test_a_format_is_that_of_pymodbus(name: str, word_order: Any) -> None:
             assert layout.number(words) == theirs
             if "float" not in name or abs(theirs) < float("inf"):
                 assert layout.words(layout.text(words)) == words
+
+
+@pytest.mark.parametrize(
+    ("name", "number", "words"),
+    [
+        ("int48", "-2", [0xFFFF, 0xFFFF, 0xFFFE]),
+        ("uint48", "0x123456789ABC", [0x1234, 0x5678, 0x9ABC]),
+        ("bcd16", "9876", [0x9876]),
+        ("bcd48", "12", [0, 0, 0x12]),
+        ("bcd64", "1234567890123456", [0x1234, 0x5678, 0x9012, 0x3456]),
+        ("mod10_32", "12345678", [1234, 5678]),
+        ("mod10_32", "-20003", [0xFFFE, 0xFFFD]),
+        ("mod10_48", "100000000", [1, 0, 0]),
+        ("mod10_64", "0", [0, 0, 0, 0]),
+        ("fixed24_8", "-1.5", [0xFFFF, 0xFE80]),
+    ],
+)
+def test_formats_that_pymodbus_has_not(name: str, number: str, words: list[int]) -> None:
+    layout = Layout(name)
+    assert layout.words(number) == words
+    assert layout.number(words) == (float(number) if "fixed" in name else int(number, 0))
+    swapped = Layout(name, "little", "little")
+    assert swapped.number(swapped.words(number)) == layout.number(words)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"), [("bcd16", [0x00A0]), ("mod10_32", [0, 10_000]), ("mod10_32", [0x8000, 0])]
+)
+def test_registers_that_hold_no_number(name: str, words: list[int]) -> None:
+    assert Layout(name).number(words) is None
+    assert Layout(name).text(words) == "no number"
+
+
+@pytest.mark.parametrize(
+    ("name", "number"),
+    [
+        ("bcd16", "10000"),
+        ("bcd16", "-1"),
+        ("mod10_32", "100000000"),
+        ("fixed24_8", "8388608"),
+        ("uint48", "-1"),
+    ],
+)
+def test_numbers_that_a_format_has_not(name: str, number: str) -> None:
+    with pytest.raises(ValueError, match="is out of the range of"):
+        Layout(name).words(number)
 
 
 def test_octets_of_a_register_may_be_swapped() -> None:
@@ -348,6 +397,35 @@ def test_an_answer_is_found_behind_an_echo_and_noise(said: Said, answer: bytes) 
     assert strange.requests == [REQUEST]
 
 
+def test_an_answer_may_come_octet_by_octet(said: Said) -> None:
+    """As adapters and serial servers give it; here behind a 0, and before another."""
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def serve() -> None:
+            peer, _ = listener.accept()
+            with peer:
+                peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                peer.recv(300)
+                for octet in b"\0" + ANSWER + b"\0":
+                    with contextlib.suppress(OSError):  # who has the answer leaves
+                        peer.sendall(bytes([octet]))
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        code, rows, _ = said("read", f"127.0.0.1:{listener.getsockname()[1]}", "--rtu", "-u", 5, "h16")
+        thread.join(PATIENCE_S)
+    assert (code, cells(rows[0])[2]) == (0, "0x1234")
+
+
+def test_octets_are_printed_with_their_times(said: Said) -> None:
+    with Strange(ANSWER) as strange:
+        code, rows, complaints = said("read", strange.place, "--rtu", "-u", 5, "h16", "--octets")
+    assert (code, len(rows)) == (0, 1)
+    time_of_day = r"\d\d:\d\d:\d\d\.\d{6}"
+    shown = f"{time_of_day} > {REQUEST.hex(' ')}\n{time_of_day} < {ANSWER.hex(' ')}\n"
+    assert re.fullmatch(shown, complaints)
+
+
 @pytest.mark.parametrize(
     ("answer", "says"),
     [
@@ -470,6 +548,35 @@ def test_words_that_are_none(capsys: pytest.CaptureFixture[str], words: list[str
         main(["read", "127.0.0.1", "-u", "5", *words])
     assert ended.value.code == 2
     assert says in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("parity", "stop_bits", "flags"),
+    [
+        ("none", 1, 0),
+        ("none", 2, termios.CSTOPB),
+        ("odd", 1, termios.PARENB | termios.PARODD),
+        ("even", 1, termios.PARENB),
+    ],
+)
+def test_a_port_is_set_as_it_is_said(
+    serial: tuple[Device, list[str]], monkeypatch: pytest.MonkeyPatch, parity: str, stop_bits: int, flags: int
+) -> None:
+    """What a UART is told; a pseudo-terminal carries no parity."""
+    _, words = serial
+    told: list[list[Any]] = []
+    monkeypatch.setattr(serial_port, "is_pty", lambda _: False)
+    monkeypatch.setattr(termios, "tcsetattr", lambda _, __, settings: told.append(settings))
+    known = termios.tcgetattr
+    monkeypatch.setattr(termios, "tcgetattr", lambda port: told[-1] if told else known(port))
+    port = os.open(words[0], os.O_RDWR | os.O_NOCTTY)
+    try:
+        serial_port.configure(words[0], port, serial_port.Settings(9600, parity, stop_bits))
+    finally:
+        os.close(port)
+    (settings,) = told
+    assert settings[2] == termios.CS8 | termios.CREAD | termios.CLOCAL | flags
+    assert settings[4:6] == [termios.B9600, termios.B9600]
 
 
 # ---- who has the line ------------------------------------------------------------------------------

@@ -29,7 +29,7 @@ from peers.pymodbus_device import PymodbusDevice
 
 PATIENCE_S = 30
 TIMEOUT_S = 2.0  # of a device that answers, on a busy host
-SHORT_S = 0.2  # of one that does not
+SHORT_S = 0.2  # where nobody answers
 IDENTIFY = b"\x2b"
 READS = {1, 2, 3, 4, 43}
 Scanned = tuple[int, dict[str, Any], str]
@@ -138,7 +138,8 @@ def test_a_device_on_tcp_says_who_it_is(scanned: Callable[..., Scanned]) -> None
         device.stop()
     assert code == 0
     assert "3 addresses, 1 unit each" in said
-    assert f"127.0.0.1 port {device.place}, unit {UNIT}: knows functions 1, 2, 3, 4; Acme, P-7, 1.2" in said
+    assert f"127.0.0.1 port {device.place}, unit {UNIT}: knows functions 1, 2, 3, 4; " in said
+    assert "; Acme, P-7, 1.2\n" in said
     (port,) = found["port"]
     assert port == {
         "value": 7, "active": 1, "host": "127.0.0.1", "tcp_port": device.place,
@@ -193,6 +194,20 @@ def test_behind_a_gateway_a_missing_unit_is_missing(scanned: Callable[..., Scann
     with serving(answer) as port:
         code, found, _ = scanned(f"127.0.0.1:{port}", "-u", "1-5")
     assert (code, units_of(found)) == (0, [3])
+
+
+def test_a_unit_of_which_all_is_refused_may_be_none(scanned: Callable[..., Scanned]) -> None:
+    """The servers of pymodbus and uModbus answer for all units."""
+
+    def answer(request: bytes) -> bytes:
+        return bytes([request[0], request[1] | 0x80, 1 if request[1] in (1, 43) else 2])
+
+    with serving(answer) as port:
+        code, found, said = scanned(f"127.0.0.1:{port}", "-u", "9")
+    assert (code, units_of(found)) == (0, [9])
+    assert (
+        "unit 9: knows functions 2, 3, 4; refuses address 0 of each (exception 2), as some servers do" in said
+    )
 
 
 def test_a_peer_that_hangs_up_on_an_unknown_unit_is_asked_for_the_others(
@@ -251,7 +266,7 @@ def test_nothing_is_sent_where_another_master_speaks(
         port = os.open(its, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         while not stop.is_set():
             os.write(port, rtu("09 03 0000 0001"))
-            time.sleep(0.05)
+            time.sleep(0.02)
             with contextlib.suppress(BlockingIOError):
                 heard.append(os.read(port, 256))
         os.close(port)
@@ -272,11 +287,11 @@ def test_a_scan_ends_when_another_master_begins(
 ) -> None:
     """By an answer of a unit that was not asked, or by a request to it."""
     ours, its = ends
-    with Scripted(its, lambda request: strange if request[0] == 2 else b"") as peer:
-        code, found, said = scanned(ours, "-u", "1-9", timeout_s=SHORT_S)
+    with Scripted(its, lambda _: strange) as peer:
+        code, found, said = scanned(ours, "-u", "1-9")
     assert (code, found) == (1, {})
     assert "likely cause: another master is on the line" in said
-    assert max(request[0] for request in peer.requests) <= 3
+    assert len(peer.requests) < 9
 
 
 def test_a_slow_device_is_found_though_it_answers_late(
@@ -287,10 +302,10 @@ def test_a_slow_device_is_found_though_it_answers_late(
     late = [rtu("05 03 02 0000")]
 
     with Scripted(its, lambda request: late.pop() if request[0] == 6 and late else b"") as peer:
-        code, found, said = scanned(ours, "-u", "4-7", timeout_s=SHORT_S)
+        code, found, said = scanned(ours, "-u", "5-6")
     assert (code, units_of(found)) == (0, [5])
     assert "unit 5: answers late: look at it again with a longer --timeout" in said
-    assert [request[0] for request in peer.requests] == [4, 5, 6, 6, 7]
+    assert {request[0] for request in peer.requests} == {5, 6}
 
 
 def test_what_is_damaged_is_said_and_the_scan_goes_on(
@@ -304,7 +319,7 @@ def test_what_is_damaged_is_said_and_the_scan_goes_on(
         return answer_to(request, 3) + frames.crc(answer_to(request, 3)) if request[0] == 3 else b""
 
     with Scripted(its, answer):
-        code, found, said = scanned(ours, "-u", "1-4", timeout_s=SHORT_S)
+        code, found, said = scanned(ours, "-u", "2-3")
     assert (code, units_of(found)) == (0, [3])
     assert "an answer with a wrong CRC came to the read of holding register 0 of unit 2" in said
 

@@ -77,6 +77,9 @@ def add_link(parser: argparse.ArgumentParser, timeout_s: float) -> None:
         metavar="S",
         help=f"seconds that an answer may take to begin [{timeout_s:g}]",
     )
+    parser.add_argument(
+        "--octets", action="store_true", help="print what goes out (>) and comes in (<), with the time"
+    )
 
 
 def add_layout(parser: argparse.ArgumentParser) -> None:
@@ -111,6 +114,12 @@ def settings_of(parsed: argparse.Namespace) -> Settings:
 
 def link_of(parsed: argparse.Namespace) -> Link:
     """Opened. Raises UnusableInput."""
+    link = _opened(parsed)
+    link.stream.traced = parsed.octets
+    return link
+
+
+def _opened(parsed: argparse.Namespace) -> Link:
     if is_serial(parsed.device):
         if parsed.unit > SERIAL_UNIT_LAST:
             raise UnusableInput(f"--unit {parsed.unit}: units of a serial line are 1 to {SERIAL_UNIT_LAST}")

@@ -10,9 +10,11 @@ from __future__ import annotations
 import os
 import select
 import socket
+import sys
 import time
 from abc import ABC, abstractmethod
 from contextlib import suppress
+from datetime import datetime
 from typing import Self
 
 from openrtu_tools.modbus import frames, serial_port
@@ -45,19 +47,37 @@ FRAME_MOST = 1 + frames.PDU_MOST
 
 
 class Stream(ABC):
-    """Octets, of a serial port or a connection."""
+    """Octets, of a serial port or a connection. Traced, it prints what goes out and comes in."""
 
     name: str
+    traced = False
 
-    @abstractmethod
-    def send(self, octets: bytes) -> None: ...
+    def send(self, octets: bytes) -> None:
+        self._trace(">", octets)
+        self._send(octets)
 
-    @abstractmethod
     def receive(self, seconds: float) -> bytes:
         """What comes within this time; nothing: nothing came. Raises LinkLost."""
+        octets = self._receive(seconds)
+        self._trace("<", octets)
+        return octets
 
     @abstractmethod
     def close(self) -> None: ...
+
+    @abstractmethod
+    def _send(self, octets: bytes) -> None: ...
+
+    @abstractmethod
+    def _receive(self, seconds: float) -> bytes: ...
+
+    def _trace(self, direction: str, octets: bytes) -> None:
+        if self.traced and octets:
+            print(f"{time_of_day()} {direction} {octets.hex(' ')}", file=sys.stderr, flush=True)
+
+
+def time_of_day() -> str:
+    return datetime.now().strftime("%H:%M:%S.%f")
 
 
 class SerialStream(Stream):
@@ -68,7 +88,7 @@ class SerialStream(Stream):
     def configure(self, settings: Settings) -> None:
         serial_port.configure(self.name, self._port, settings)
 
-    def send(self, octets: bytes) -> None:
+    def _send(self, octets: bytes) -> None:
         try:
             while octets:
                 select.select([], [self._port], [])
@@ -76,7 +96,7 @@ class SerialStream(Stream):
         except OSError as error:
             raise LinkLost(f"{self.name}: {error.strerror}", cause="the adapter was unplugged") from error
 
-    def receive(self, seconds: float) -> bytes:
+    def _receive(self, seconds: float) -> bytes:
         try:
             if not select.select([self._port], [], [], max(seconds, 0))[0]:
                 return b""
@@ -109,13 +129,13 @@ class SocketStream(Stream):
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self.address: str = self._socket.getpeername()[0]
 
-    def send(self, octets: bytes) -> None:
+    def _send(self, octets: bytes) -> None:
         try:
             self._socket.sendall(octets)
         except OSError as error:
             raise HungUp(f"{self.name} closed the connection") from error
 
-    def receive(self, seconds: float) -> bytes:
+    def _receive(self, seconds: float) -> bytes:
         if not select.select([self._socket], [], [], max(seconds, 0))[0]:
             return b""
         found = b""

@@ -49,7 +49,7 @@ class Value:
         return f"{word} ({word - 2 * SIGN})" if word & SIGN else str(word)
 
     def record(self) -> dict[str, Any]:
-        value: int | float | None = (self.layout or Layout()).number(self.words)
+        value = (self.layout or Layout()).number(self.words)
         if value is not None and not math.isfinite(value):
             value = None  # JSON has no NaN
         return {

@@ -52,12 +52,15 @@ class Device:
     """What answered."""
 
     unit: int
-    functions: list[int] = field(default_factory=list)  # that it knows, of 1 to 4
+    functions: dict[int, int] = field(default_factory=dict)  # that it knows, of 1 to 4: 0, or its exception
     identification: list[str] = field(default_factory=list)  # maker, product, version
     late: bool = False
 
     def text(self) -> str:
         parts = [f"knows functions {', '.join(map(str, self.functions))}"] if self.functions else []
+        if self.functions and all(self.functions.values()):
+            codes = ", ".join(map(str, sorted(set(self.functions.values()))))
+            parts.append(f"refuses address 0 of each (exception {codes}), as some servers do of any unit")
         parts += [", ".join(self.identification)] if self.identification else []
         parts += ["answers late: look at it again with a longer --timeout"] if self.late else []
         return f"unit {self.unit}: {'; '.join(parts) or 'answers'}"
@@ -275,7 +278,8 @@ class Scan:
         for unit in self._counted(name):
             self._unit(link, place, name, unit)
             self._late(link, place, name)
-        link.listen(self.plan.timeout_s)  # of the last one, a late answer is nobody's
+        link.overheard(link.listen(self.plan.timeout_s))
+        self._late(link, place, name)
         return place.devices
 
     def _host(self, host: str, port: int) -> None:
@@ -363,18 +367,20 @@ class Scan:
 
 def looked_at(link: Link, unit: int) -> Device:
     """What a unit that is there says of itself."""
-    functions = [number for number, table in FUNCTIONS.items() if _knows(link, unit, table)]
-    return Device(unit, sorted(functions), _identification(link, unit))
+    found = {number: _refusal(link, unit, FUNCTIONS[number]) for number in sorted(FUNCTIONS)}
+    known = {number: code for number, code in found.items() if code is not None}
+    return Device(unit, known, _identification(link, unit))
 
 
-def _knows(link: Link, unit: int, table: str) -> bool:
+def _refusal(link: Link, unit: int, table: str) -> int | None:
+    """0: it gives address 0; None: it does not know the function; else its exception."""
     try:
         link.ask(frames.read(unit, table, 0, 1))
     except Exceptional as error:
-        return error.code != ILLEGAL_FUNCTION
+        return None if error.code == ILLEGAL_FUNCTION else error.code
     except (NoAnswer, Damaged, NotAsked):
-        return False
-    return True
+        return None
+    return 0
 
 
 def _identification(link: Link, unit: int) -> list[str]:
