@@ -40,7 +40,7 @@ bench-map: build centre-page build/packages-centre.done $(TESTED) ## Maintain: f
 bench-pictures: build centre-page build/packages-centre.done $(TESTED) ## Maintain: frames a second of a process picture
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/picture_frames.py
 
-cost: build .compared qemu build/root/gateway-tls.done $(TESTED) ## Maintain: count what a piece of work costs the board's core, beside tests/bench/cost.json (WRITE=1)
+cost: build .compared qemu build/root/gateway-tls.done $(TESTED) ## Maintain: count what work costs the board's core (docs/bench.md; WRITE=1)
 	PYTHONPATH=scripts $(PYTHON) $(BENCH)/cost.py $(if $(WRITE),--write)
 
 bench: build .compared qemu uboot build/root/gateway-tls.done build/net-snmp-agent/done $(TESTED) ## Maintain: measure ours beside what else does it (docs/bench.md; LIB60870=folder)

@@ -320,7 +320,7 @@ def test_peer_cannot_flood_the_log(desk: Desk, connection: socket.socket) -> Non
         connection.sendall((STARTDT + STOPDT) * 100)
         collect_frames(connection, until=lambda frames: frames.count(STOPDT_CON) == 100)
     desk.wait_scan(DEVICE)
-    assert desk.gateway.log_file.stat().st_size - before < starts
+    assert desk.gateway.log_file.stat().st_size - before < 10 * starts  # a line for each is some 60 octets
 
 
 def allow_descriptors(pid: int, count: int) -> None:
