@@ -162,19 +162,25 @@ void iec61850_note_selections(struct iec61850_server *server, int64_t now_ns)
 			iec61850_note_selection(server, i, now_ns);
 }
 
-static void note_owner(struct iec61850_server *server, uint32_t module, int64_t now_ns)
+/* Of what has become invalid, or valid again, the time is that of its owner's loss or return: its value's is before. */
+static void note_owner(struct iec61850_server *server, uint32_t module, int64_t since_ns, int64_t now_ns)
 {
+	const struct iec61850_model *model = &server->model;
 	struct map_sample sample;
 
-	for (uint32_t i = 0; i < server->model.config->point_count; i++)
-		if ((module == MAP_NONE || map_owner(server->model.map, i) == module) &&
-		    map_read(server->model.map, i, &sample))
-			note(server, i, &sample, 0, now_ns);
+	for (uint32_t i = 0; i < model->config->point_count; i++) {
+		if ((module != MAP_NONE && map_owner(model->map, i) != module) ||
+		    !map_read(model->map, i, &sample))
+			continue;
+		if (sample.quality != model->image[i].quality && sample.time_ns < since_ns)
+			sample.time_ns = since_ns;
+		note(server, i, &sample, 0, now_ns);
+	}
 }
 
 void iec61850_note_all(struct iec61850_server *server, int64_t now_ns)
 {
-	note_owner(server, MAP_NONE, now_ns);
+	note_owner(server, MAP_NONE, 0, now_ns);
 }
 
 void iec61850_note_event(struct iec61850_server *server, const struct map_event *event, int64_t now_ns)
@@ -193,7 +199,7 @@ void iec61850_note_event(struct iec61850_server *server, const struct map_event 
 		return;
 	case MAP_EVENT_MODULE_DOWN:
 	case MAP_EVENT_MODULE_UP:
-		note_owner(server, event->point, now_ns);
+		note_owner(server, event->point, event->sample.time_ns, now_ns);
 		return;
 	case MAP_EVENT_CLOCK:
 		return;
