@@ -4,8 +4,9 @@
 import json
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from itertools import pairwise
 from pathlib import Path
 
@@ -13,6 +14,7 @@ import pytest
 
 import plant_world
 from lab.gateway import remove, run_directory
+from lab.patience import Deadline
 from plant_judge import Violation, judge
 from plant_run import shrunk, story
 from plant_world import BUILD, Fault, Run, World, calm, troubled
@@ -278,6 +280,23 @@ def run_alone(tmp_path: Path, world: str) -> "subprocess.CompletedProcess[str]":
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
+def wait_until(condition: Callable[[], bool]) -> None:
+    deadline = Deadline(60.0)
+    while not condition():
+        assert not deadline.over
+        time.sleep(0.05)
+
+
+def processes_with(argument: str) -> list[str]:
+    """Which have it among their arguments. One may end while it is looked at."""
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            if argument in (process / "cmdline").read_text().split("\0"):
+                found.append(process.name)
+    return found
+
+
 NESTED = """
 import ctypes, select, time
 libc = ctypes.CDLL(None)
@@ -321,6 +340,20 @@ def test_a_process_whose_time_is_behind_the_end_never_begins(programs: Path, tmp
     assert run_script(tmp_path, "print('there')", at_s=70.0).returncode == 0
     assert (tmp_path / "out").read_text() == ""
     assert (tmp_path / "trace").read_bytes() == b""
+
+
+def test_no_process_outlives_the_runner(programs: Path, tmp_path: Path) -> None:
+    """As when make is interrupted: not even what another has started."""
+    script = f"import time\nopen('{tmp_path}/there', 'w').close()\nwhile True: time.sleep(0.001)"
+    (tmp_path / "script").write_text(script)
+    words = ["/bin/sh", "-c", f"{sys.executable} -I -S {tmp_path}/script; true"]
+    starts = [["start", name, "0", f"{tmp_path}/out", f"{tmp_path}/log", *words] for name in ("one", "other")]
+    (tmp_path / "world").write_text("end\t1e7\n" + "".join("\t".join(start) + "\n" for start in starts))
+    command = [BUILD / "plant", "--seed", "1", "--trace", "/dev/null", tmp_path / "world"]
+    with subprocess.Popen(command) as runner:
+        wait_until((tmp_path / "there").exists)
+        runner.kill()
+    wait_until(lambda: not processes_with(f"{tmp_path}/script"))
 
 
 def test_a_crash_is_told(programs: Path, tmp_path: Path) -> None:

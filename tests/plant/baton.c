@@ -29,6 +29,14 @@ void plant_futex_wake(_Atomic uint32_t *word)
 	real_syscall(SYS_futex, (long)word, FUTEX_WAKE, 1, 0, 0, 0);
 }
 
+/* Whoever killed the runner, as an interrupted make does, leaves no process behind. */
+static void wait_in(const struct plant *plant, _Atomic uint32_t *word, uint32_t value)
+{
+	plant_futex_wait(word, value, PATIENCE_NS);
+	if (real_syscall(SYS_kill, (long)plant->id, 0, 0, 0, 0, 0) < 0 && errno == ESRCH)
+		real._exit(1);
+}
+
 /* splitmix64 */
 uint64_t plant_random(struct plant *plant)
 {
@@ -47,7 +55,7 @@ static void flush(struct plant *plant)
 	atomic_store(&plant->runner, 1);
 	plant_futex_wake(&plant->runner);
 	while (atomic_load(&plant->runner))
-		plant_futex_wait(&plant->runner, 1, PATIENCE_NS);
+		wait_in(plant, &plant->runner, 1);
 }
 
 void plant_tell(struct plant *plant, uint32_t process, const char *format, ...)
@@ -272,7 +280,7 @@ void plant_take(struct plant *plant, uint32_t self)
 	struct plant_process *process = &plant->processes[self];
 
 	while (!atomic_load(&process->has_baton))
-		plant_futex_wait(&process->has_baton, 0, PATIENCE_NS);
+		wait_in(plant, &process->has_baton, 0);
 	atomic_store(&process->has_baton, 0);
 	plant_await_the_dying(plant);
 }

@@ -67,7 +67,7 @@ struct plant {
 	_Atomic uint32_t holder;
 	_Atomic uint64_t turns;
 	bool ended;
-	uint32_t id; /* its TCP ports are its own */
+	uint32_t id; /* of the runner's process; its TCP ports are its own */
 	uint64_t random;
 	uint64_t changes; /* grows with all that may make somebody ready */
 	uint64_t spins;   /* calls since the clock moved */
