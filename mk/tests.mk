@@ -112,5 +112,8 @@ busy: $(VENV) ## Test: the shows and test-quick beside busy processes (BUSY=8, T
 plant: build $(VENV) ## Test: gateways under virtual time, with faults (SEEDS=20, HOURS=0.1, SEED=)
 	@$(PYTHON) tests/plant/plant_run.py $(if $(SEEDS),--seeds $(SEEDS)) $(if $(HOURS),--hours $(HOURS)) $(if $(SEED),--seed $(SEED))
 
+plant-faults: build $(VENV) $(TESTED) ## Test: whether the plant finds each fault of the past (FAULTS=)
+	@$(PYTHON) tests/plant/plant_faults.py $(FAULTS)
+
 soak: build qemu uboot linux linux-debug image-debian build/swupdate/done build/curl/done $(TESTED) ## Test: hours: 1000 kills of each module, 500 boots, 200 netboots, 2000 power cuts
 	$(PYTHON) -m pytest -m soak

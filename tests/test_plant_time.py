@@ -15,6 +15,7 @@ import pytest
 import plant_world
 from lab.gateway import remove, run_directory
 from lab.patience import Deadline
+from plant_faults import FAULTS, look_for, names
 from plant_judge import Violation, judge
 from plant_run import shrunk, story
 from plant_world import BUILD, Fault, Run, World, calm, troubled
@@ -269,6 +270,23 @@ def test_one_seed_again_keeps_its_trace(programs: Path, linesim_program: Path, t
 def test_too_short_a_time_is_no_plant() -> None:
     result = plant("--hours", 0.01)
     assert (result.returncode, "expected a seed and 0.033 hours at least" in result.stderr) == (2, True)
+
+
+# ---- faults of the past --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", names())
+def test_a_fault_of_the_past_fits_into_the_tree(name: str) -> None:
+    """Who changes what is around it, changes the patch as well."""
+    source = plant_world.REPOSITORY / "package" / "openrtu"
+    command = ["patch", "--dry-run", "--force", "--fuzz=0", "--strip=1", "--input", FAULTS / f"{name}.patch"]
+    result = subprocess.run(command, cwd=source, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stdout
+
+
+@pytest.mark.slow
+def test_the_plant_finds_a_fault_of_the_past(programs: Path, linesim_program: Path) -> None:
+    assert look_for("events-gone-when-sent", most_s=60.0).rules == ("no event lost",)
 
 
 # ---- the runner ----------------------------------------------------------------------------------------

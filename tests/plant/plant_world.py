@@ -122,17 +122,17 @@ class World:
             f"{BEGIN_NS + round(at_s * 1e9)} {command}" for at_s, command in sorted(told, key=itemgetter(0))
         ]
 
-    def plan(self, folder: Path) -> list[str]:
+    def plan(self, folder: Path, gateway: Path) -> list[str]:
         """What the runner reads."""
         python = [str(Path(sys.executable).resolve()), "-I", "-S", "-B", str(PARTS)]
         dev, consumer = folder / "dev", folder / "consumer"
-        rtud = [f"{GATEWAY}/rtud/rtud", "--uid-base", "0", "--map", f"{folder}/map", "--dev", f"{dev}"]
-        centre = [f"{GATEWAY}/centre/rtu-centre", "--socket", f"{consumer}", f"{folder}/centre.json"]
+        rtud = [f"{gateway}/rtud/rtud", "--uid-base", "0", "--map", f"{folder}/map", "--dev", f"{dev}"]
+        centre = [f"{gateway}/centre/rtu-centre", "--socket", f"{consumer}", f"{folder}/centre.json"]
         programs: dict[str, tuple[float, list[str]]] = {
             "linesim": (0.0, [f"{LINESIM}", "--config", f"{folder}/gateway.json", "--dir", f"{dev}"]),
             "gateway": (
                 0.5,
-                [*python, "keep", *rtud, "--modules", f"{GATEWAY}/modules", f"{folder}/gateway.json"],
+                [*python, "keep", *rtud, "--modules", f"{gateway}/modules", f"{folder}/gateway.json"],
             ),
             "centre": (1.0, [*python, "keep", *centre]),
             "consumer": (1.5, [*python, "consume", f"{consumer}"]),
@@ -176,13 +176,13 @@ class Run:
         return self.world.seconds / self.real_s
 
 
-def run(world: World, folder: Path, *, traced: bool = True) -> Run:
+def run(world: World, folder: Path, *, traced: bool = True, gateway: Path = GATEWAY) -> Run:
     """Raises PlantError. A trace of a day is long: two GB."""
     (folder / "dev").mkdir(parents=True)
     (folder / "gateway.json").write_text(json.dumps(world.gateway))
     (folder / "centre.json").write_text(json.dumps(world.centre))
     (folder / "script").write_text("\n".join(world.script) + "\n")
-    (folder / "world").write_text("\n".join(world.plan(folder)) + "\n")
+    (folder / "world").write_text("\n".join(world.plan(folder, gateway)) + "\n")
     command = [BUILD / "plant", "--seed", str(world.seed), "--trace"]
     command += [folder / "trace" if traced else "/dev/null", folder / "world"]
     begun = time.monotonic()
