@@ -213,13 +213,9 @@ class Centre:
 
     async def roll_up(self) -> None:
         """Sums up what is over, for ever."""
-
-        def step(database: Database) -> bool:
-            return self.intake.rollup.step(database, self.store.among)
-
         while True:
             try:
-                while await self.store.write(step):
+                while await self.store.write(self.intake.rollup.step):
                     await asyncio.sleep(KEEP_REST_S)
             except StoreError as error:
                 log.warning("trends are read from the history for now: %s", error)

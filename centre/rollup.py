@@ -9,7 +9,6 @@ done when there is time.
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterable
 
@@ -19,7 +18,8 @@ from openrtu_tools.codes import QUALITIES
 
 SLOT, PART = 44, 38  # powers of two, in ns
 MUCH = 1 << (SLOT - PART)  # rows of a slot; with fewer, its parts would be as many as they
-POINTS_AT_ONCE = 100
+MARKS_AT_ONCE = 100  # points of slots
+SLOTS_AT_ONCE = 32  # less than a week
 STEP_S = 0.02  # of the writer's time
 REST_NS = 60 * 10**9  # a slot is summed up once it is over for so long
 
@@ -78,45 +78,68 @@ class Rollup:
             mark(database, ((point, slot << SLOT) for point, slot in found))
             self._new |= found
 
-    def step(self, database: Database, among: str, now_ns: int | None = None) -> bool:
-        """Sums up some of what is marked and over; whether there is more. `among`: the store's."""
+    def step(self, database: Database, now_ns: int | None = None) -> bool:
+        """Sums up some of what is marked and over; whether there is more."""
         over = ((time.time_ns() if now_ns is None else now_ns) - REST_NS) >> SLOT
         end = time.monotonic() + STEP_S
-        while (slot := self._oldest(database)) is not None and slot < over:
-            self._sum(database, among, slot)
+        while batch := self._oldest(database, over):
+            _sum(database, batch[0][1], *reversed(batch[-1]))
+            self._known.difference_update(batch)
             if time.monotonic() > end:
                 return True
         return False
 
     @staticmethod
-    def _oldest(database: Database) -> int | None:
-        [(slot,)] = database.execute("SELECT min(slot) FROM unrolled")
-        return None if slot is None else int(slot)
-
-    def _sum(self, database: Database, among: str, slot: int) -> None:
-        """Of some points."""
-        sql = "SELECT point FROM unrolled WHERE slot = ? ORDER BY point LIMIT ?"
-        points = [row[0] for row in database.execute(sql, (slot, POINTS_AT_ONCE))]
-        self._known -= {(point, slot) for point in points}
-        these, wanted = f"point {among}", json.dumps(points)
-        first, last = slot << SLOT - PART, (slot + 1 << SLOT - PART) - 1
-        parts = f"DELETE FROM rollup WHERE shift = {PART} AND slot BETWEEN ? AND ? AND {these}"
-        database.execute(parts, (first, last, wanted))
-        database.execute(f"DELETE FROM rollup WHERE shift = {SLOT} AND slot = ? AND {these}", (slot, wanted))
-        begin, end = slot << SLOT, (slot + 1 << SLOT) - 1
-        database.execute(_summing(SLOT, these), (begin, end, wanted))
-        much = f"SELECT point FROM rollup WHERE shift = {SLOT} AND slot = ? AND {these} AND number >= {MUCH}"
-        if dense := [row[0] for row in database.execute(much, (slot, wanted))]:
-            database.execute(_summing(PART, these), (begin, end, json.dumps(dense)))
-        database.execute(f"DELETE FROM unrolled WHERE slot = ? AND {these}", (slot, wanted))
+    def _oldest(database: Database, over: int) -> list[tuple[int, int]]:
+        """Points and slots of near times."""
+        sql = "SELECT point, slot FROM unrolled WHERE slot < ? ORDER BY slot, point LIMIT ?"
+        marked = [(int(point), int(slot)) for point, slot in database.execute(sql, (over, MARKS_AT_ONCE))]
+        return [each for each in marked if each[1] < marked[0][1] + SLOTS_AT_ONCE]
 
 
-def _summing(shift: int, these: str) -> str:
-    """Of the history between two times."""
-    last = "FROM history WHERE history.point = found.point AND at_ns = last_ns ORDER BY id DESC LIMIT 1"
+# What is marked from a slot to a point of another slot, in the order of slots and points.
+BATCH = "unrolled.slot BETWEEN ?1 AND ?2 AND (unrolled.slot < ?2 OR unrolled.point <= ?3)"
+MARKED = f"SELECT point, slot FROM unrolled WHERE {BATCH}"
+
+
+def _sum(database: Database, first: int, last: int, point: int) -> None:
+    """All that is marked from the first slot to that point of the last one."""
+    batch = first, last, point
+    times = first << SLOT, (last + 1 << SLOT) - 1
+    parts = f"old.slot BETWEEN unrolled.slot << {SLOT - PART} AND (unrolled.slot + 1 << {SLOT - PART}) - 1"
+    for shift, those in ((PART, parts), (SLOT, "old.slot = unrolled.slot")):
+        database.execute(
+            "DELETE FROM rollup WHERE (point, shift, slot) IN (SELECT old.point, old.shift, old.slot"
+            f" FROM unrolled CROSS JOIN rollup AS old WHERE {BATCH} AND old.point = unrolled.point"
+            f" AND old.shift = {shift} AND {those})",
+            batch,
+        )
+    slots = _summing(SLOT, f"unrolled CROSS JOIN history WHERE {BATCH}", "unrolled")
+    if any([number >= MUCH for (number,) in database.execute(slots, (*batch, *times))]):
+        dense = (
+            f"rollup AS whole CROSS JOIN history WHERE (whole.point, whole.slot) IN ({MARKED})"
+            f" AND whole.shift = {SLOT} AND whole.number >= {MUCH}"
+        )
+        list(database.execute(_summing(PART, dense, "whole"), (*batch, *times)))
+    database.execute(f"DELETE FROM unrolled WHERE {BATCH}", batch)
+
+
+def bounded(begin: str, end: str) -> str:
+    """Times said once more: PostgreSQL plans for the weeks that they leave, and not for all that there are.
+    By FALSE, which it leaves out, SQLite takes them for no index: it has better ones."""
+    return f"(at_ns BETWEEN {begin} AND {end} OR FALSE)"
+
+
+def _summing(shift: int, those: str, of: str) -> str:
+    """Of the history in slots of that table."""
+    within = bounded("?4", "?5")
+    last = f"FROM history WHERE history.point = found.point AND at_ns = last_ns AND {within}"
+    last += " ORDER BY id DESC LIMIT 1"
     return (
         f"INSERT INTO rollup SELECT point, {shift}, last_ns >> {shift}, low, high, number, quality,"
         f" (SELECT value {last}), (SELECT quality {last})"
-        f" FROM (SELECT point, {OF_HISTORY}, max(at_ns) AS last_ns FROM history"
-        f" WHERE at_ns BETWEEN ? AND ? AND {these} GROUP BY point, at_ns >> {shift}) AS found"
+        f" FROM (SELECT history.point, {OF_HISTORY}, max(at_ns) AS last_ns FROM {those}"
+        f" AND history.point = {of}.point"
+        f" AND at_ns BETWEEN {of}.slot << {SLOT} AND ({of}.slot + 1 << {SLOT}) - 1 AND {within}"
+        f" GROUP BY history.point, at_ns >> {shift}) AS found RETURNING number"
     )

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 from openrtu_tools.centre.codes import INVALID
 from openrtu_tools.centre.model import NS_PER_MS, Json
-from openrtu_tools.centre.rollup import MUCH, OF_HISTORY, OF_ROLLUP, PART, SLOT
+from openrtu_tools.centre.rollup import MUCH, OF_HISTORY, OF_ROLLUP, PART, SLOT, bounded
 from openrtu_tools.centre.store import Row, Store
 
 RANGES_MOST = 16  # that one question is split into
@@ -162,7 +162,8 @@ def _ranges(numbers: list[int]) -> list[tuple[int, int]]:
 
 
 def _with_last(found: str) -> str:
-    last = "FROM history WHERE history.point = ?1 AND at_ns = last_ns ORDER BY id DESC LIMIT 1"
+    last = f"FROM history WHERE history.point = ?1 AND at_ns = last_ns AND {bounded('?2', '?3')}"
+    last += " ORDER BY id DESC LIMIT 1"
     return (
         "SELECT part AS slot, found.low, found.high, found.number, found.quality,"
         f" (SELECT value {last}) AS last_value, (SELECT quality {last}) AS last_quality"

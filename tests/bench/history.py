@@ -82,7 +82,7 @@ def sum_up(store: Store) -> tuple[float, float]:
     summed, begun, longest, more = Rollup(), time.monotonic(), 0.0, True
     while more:
         step = time.monotonic()
-        more = store.transaction(lambda database: summed.step(database, store.among))
+        more = store.transaction(lambda database: summed.step(database))
         longest = max(longest, time.monotonic() - step)
     return time.monotonic() - begun, longest
 

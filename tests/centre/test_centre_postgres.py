@@ -1,25 +1,30 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What only the store on a server of PostgreSQL has: weeks, a lock, and answers that are lost."""
 
+import asyncio
 import contextlib
 import doctest
+import re
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
 
 import asyncpg
 import pytest
 
 from openrtu_tools.centre import postgres as module
+from openrtu_tools.centre import rollup, trends
 from openrtu_tools.centre.errors import CentreError, StoreError
 from openrtu_tools.centre.keep import DAY_NS, Keeper
 from openrtu_tools.centre.postgres import WEEK_NS, PostgresStore, Session
 from openrtu_tools.centre.settings import Keep
-from openrtu_tools.centre.store import Database
+from openrtu_tools.centre.store import Database, Row
 from postgres import Server
 
 pytestmark = pytest.mark.slow  # make test-quick brings no PostgreSQL
 NOW = time.time_ns()
+LOOP = asyncio.new_event_loop()  # a store keeps to the one that it was read in first
 
 
 @pytest.fixture(scope="module")
@@ -78,6 +83,72 @@ def test_whole_weeks_go(store: PostgresStore, postgresql: Server, monkeypatch: p
     ]
     assert f"history_{NOW // WEEK_NS - 5}" not in named
     assert f"history_{NOW // WEEK_NS - 4}" in named
+
+
+def weeks_of(plan: Iterable[Sequence[str]]) -> set[str]:
+    """The tables that a server looks into, or would."""
+    return {table for (line,) in plan for table in re.findall(r" on (history_\w+)", line)}
+
+
+class Planned:
+    """A database; and for each statement on the history, how many weeks its plan has."""
+
+    def __init__(self, database: Database) -> None:
+        self.database = database
+        self.weeks: list[int] = []
+        self.insert, self.executemany = database.insert, database.executemany
+
+    def execute(self, sql: str, parameters: Sequence[Any] = (), /) -> Any:
+        if "history" in sql:
+            self.weeks.append(len(weeks_of(self.database.execute(f"EXPLAIN {sql}", parameters))))
+        return self.database.execute(sql, parameters)
+
+
+def test_summing_up_plans_for_the_weeks_of_its_slot_alone(
+    store: PostgresStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not for all that there are: planning took longer than all else. A slot lies in two weeks at most."""
+    monkeypatch.setattr(rollup, "MUCH", 5)
+    monkeypatch.setattr(rollup, "STEP_S", 60)
+    slot = (NOW >> rollup.SLOT) - 30
+    times = [(slot << rollup.SLOT) + number for number in range(10)]
+
+    def work(database: Database) -> list[int]:
+        for at_ns in times:
+            put_event(database, at_ns, at_ns % 7)
+        rollup.mark(database, [(1, at_ns) for at_ns in times])
+        planned = Planned(database)
+        assert not rollup.Rollup().step(planned, NOW)  # type: ignore[arg-type]
+        return planned.weeks
+
+    weeks = store.transaction(work)
+    assert set(weeks) <= {1, 2}
+    shifts = store.transaction(
+        lambda database: [*database.execute("SELECT shift FROM rollup WHERE slot > 0")]
+    )
+    assert {shift for (shift,) in shifts} == {rollup.SLOT, rollup.PART}
+    all_weeks = store.transaction(
+        lambda database: weeks_of(database.execute("EXPLAIN SELECT id FROM history"))
+    )
+    assert len(all_weeks) > 10
+
+
+def test_columns_of_hours_plan_for_their_weeks_alone(
+    store: PostgresStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for number in range(100):
+        store.transaction(lambda database, number=number: put_event(database, NOW - number * 10**9))
+    read, weeks = store.read, []
+
+    async def planned(sql: str, *values: Any) -> list[Row]:
+        if "last_ns" in sql:
+            weeks.append(len(weeks_of([each.values() for each in await read(f"EXPLAIN {sql}", *values)])))
+        return await read(sql, *values)
+
+    monkeypatch.setattr(store, "read", planned)
+    found = LOOP.run_until_complete(trends.trend(store, 1, NOW - 90 * 10**9, NOW, 20))
+    assert not found.exact and len(found.columns) > 10
+    assert weeks and set(weeks) <= {1, 2}
 
 
 @pytest.mark.parametrize("stored", [True, False])

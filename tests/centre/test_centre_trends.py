@@ -55,7 +55,7 @@ def put(store: Store, summed: Rollup, rows: Sequence[EventRow]) -> None:
 
 
 def roll(store: Store, summed: Rollup, now_ns: int = END) -> None:
-    while store.transaction(lambda database: summed.step(database, store.among, now_ns)):
+    while store.transaction(lambda database: summed.step(database, now_ns)):
         pass
 
 
@@ -143,12 +143,14 @@ def test_columns_say_what_a_full_scan_says(store: Store, monkeypatch: pytest.Mon
     chance, summed = random.Random(seed), Rollup()
     since, in_columns = END - 200 * DAY, 0
     for _ in range(3):
+        monkeypatch.setattr(rollup, "MARKS_AT_ONCE", chance.choice((2, 100)))
+        monkeypatch.setattr(rollup, "SLOTS_AT_ONCE", chance.choice((1, 32)))
         put(store, summed, some(chance, 150, since, END))
         in_columns += check(store, chance, since)
         if chance.random() < 0.5:
             monkeypatch.setattr(rollup, "STEP_S", chance.choice((0, 1)))
             for _ in range(30):  # of many
-                store.transaction(lambda database: summed.step(database, store.among, END))
+                store.transaction(lambda database: summed.step(database, END))
         else:
             roll(store, summed, END - chance.randrange(20 * DAY))
         in_columns += check(store, chance, since)
@@ -168,6 +170,36 @@ def test_columns_say_what_a_full_scan_says(store: Store, monkeypatch: pytest.Mon
     kept |= {(point, PART, at >> PART) for point, at in rows if of_slot[point, at >> SLOT] >= rollup.MUCH}
     assert {PART, SLOT} == {shift for _, shift, _ in kept}
     assert {*rows_of(store, "rollup", "point, shift, slot")} == kept
+
+
+def test_slots_of_few_rows_are_summed_up_together(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each statement is a way to the server and back."""
+    monkeypatch.setattr(rollup, "STEP_S", 60)
+    summed, begin = Rollup(), (END >> SLOT) - 30 << SLOT
+    put(store, summed, [EventRow(1, begin + (n << SLOT), n, 0, 0, 3, 0) for n in range(20)])
+    said: list[str] = []
+
+    class Counted:
+        def __init__(self, database: rollup.Database) -> None:
+            self.database = database
+
+        def execute(self, sql: str, parameters: Sequence[object] = (), /) -> object:
+            said.append(sql)
+            return self.database.execute(sql, parameters)
+
+    assert not store.transaction(lambda database: summed.step(Counted(database), END))  # type: ignore[arg-type]
+    assert len(rows_of(store, "rollup", "slot")) == 20
+    assert len(said) < 10
+
+
+def test_summing_up_finds_each_point_by_its_index() -> None:
+    """What was last, too: thousands of points may have been told at one time."""
+    with contextlib.closing(sqlite3.connect(":memory:")) as database:
+        database.executescript(";".join(MIGRATIONS))
+        sql = rollup._summing(SLOT, f"unrolled CROSS JOIN history WHERE {rollup.BATCH}", "unrolled")
+        plan = [row[3] for row in database.execute(f"EXPLAIN QUERY PLAN {sql}", (0, 0, 0, 0, 0))]
+    ways = [line for line in plan if "SEARCH history" in line]
+    assert len(ways) == 3 and all("history_point (point=? AND at_ns" in line for line in ways)
 
 
 @pytest.mark.parametrize("every", [10, 3600], ids=["much", "few"])
