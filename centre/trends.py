@@ -195,11 +195,13 @@ async def _of_rollup(store: Store, point: int, shift: int, begin: int, end: int)
         return []
     level = SLOT if shift >= SLOT else PART
     up = shift - level
+    # No join: PostgreSQL would compare each with each while it has no statistics yet.
+    last = f"FROM rollup WHERE rollup.point = ?1 AND rollup.shift = {level} AND rollup.slot = last_slot"
     rows = await store.read(
-        "SELECT part AS slot, found.low, found.high, found.number, found.quality, last_value, last_quality"
+        "SELECT part AS slot, found.low, found.high, found.number, found.quality,"
+        f" (SELECT last_value {last}) AS last_value, (SELECT last_quality {last}) AS last_quality"
         f" FROM (SELECT slot >> {up} AS part, {OF_ROLLUP}, max(slot) AS last_slot FROM rollup"
         f" WHERE point = ?1 AND shift = {level} AND slot BETWEEN ?2 AND ?3 GROUP BY slot >> {up}) AS found"
-        f" JOIN rollup ON rollup.point = ?1 AND rollup.shift = {level} AND rollup.slot = last_slot"
         " ORDER BY part",
         point, begin >> level, end >> level,
     )  # fmt: skip

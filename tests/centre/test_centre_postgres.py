@@ -151,6 +151,39 @@ def test_columns_of_hours_plan_for_their_weeks_alone(
     assert weeks and set(weeks) <= {1, 2}
 
 
+def test_years_read_each_slot_a_few_times_though_there_are_no_statistics(
+    store: PostgresStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A database that was just summed up has none; a join of each with each read 700 times as much."""
+    slots, last = 4000, NOW >> rollup.SLOT
+
+    def years(database: Database) -> None:
+        database.execute("DELETE FROM rollup")
+        database.execute(
+            f"INSERT INTO rollup SELECT 1, {rollup.SLOT}, slot, slot % 7, slot % 7, 1, 0, slot % 7, 0"
+            f" FROM generate_series({last - slots}::bigint, {last - 1}) AS slot"
+        )
+
+    store.transaction(years)
+    read, rows = store.read, []
+
+    async def counted(sql: str, *values: Any) -> list[Row]:
+        if "last_slot" in sql:
+            plan = [str(*each.values()) for each in await read(f"EXPLAIN ANALYZE {sql}", *values)]
+            found = re.findall(r"actual time=\S+ rows=(\d+) loops=(\d+)", "\n".join(plan))
+            rows.append(sum(int(each) * int(loops) for each, loops in found))
+        return await read(sql, *values)
+
+    monkeypatch.setattr(store, "read", counted)
+    begin = last - slots << rollup.SLOT
+    columns = LOOP.run_until_complete(trends._of_rollup(store, 1, rollup.SLOT + 3, begin, NOW))
+    assert [each["last_value"] for each in columns[1:-1]] == [
+        ((each["slot"] + 1 << 3) - 1) % 7 for each in columns[1:-1]
+    ]
+    assert sum(each["number"] for each in columns) == slots
+    assert rows and max(rows) < 6 * slots
+
+
 @pytest.mark.parametrize("stored", [True, False])
 def test_lost_answer_to_commit_is_found_out(
     store: PostgresStore, monkeypatch: pytest.MonkeyPatch, stored: bool
