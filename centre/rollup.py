@@ -83,7 +83,7 @@ class Rollup:
         over = ((time.time_ns() if now_ns is None else now_ns) - REST_NS) >> SLOT
         end = time.monotonic() + STEP_S
         while batch := self._oldest(database, over):
-            _sum(database, batch[0][1], *reversed(batch[-1]))
+            _sum(database, batch)
             self._known.difference_update(batch)
             if time.monotonic() > end:
                 return True
@@ -99,29 +99,33 @@ class Rollup:
 
 # What is marked from a slot to a point of another slot, in the order of slots and points.
 BATCH = "unrolled.slot BETWEEN ?1 AND ?2 AND (unrolled.slot < ?2 OR unrolled.point <= ?3)"
-MARKED = f"SELECT point, slot FROM unrolled WHERE {BATCH}"
 
 
-def _sum(database: Database, first: int, last: int, point: int) -> None:
-    """All that is marked from the first slot to that point of the last one."""
-    batch = first, last, point
-    times = first << SLOT, (last + 1 << SLOT) - 1
+def _sum(database: Database, batch: list[tuple[int, int]]) -> None:
+    """These points and slots, which follow each other in what is marked."""
+    first, (point, last) = batch[0][1], batch[-1]
     parts = f"old.slot BETWEEN unrolled.slot << {SLOT - PART} AND (unrolled.slot + 1 << {SLOT - PART}) - 1"
     for shift, those in ((PART, parts), (SLOT, "old.slot = unrolled.slot")):
         database.execute(
             "DELETE FROM rollup WHERE (point, shift, slot) IN (SELECT old.point, old.shift, old.slot"
             f" FROM unrolled CROSS JOIN rollup AS old WHERE {BATCH} AND old.point = unrolled.point"
             f" AND old.shift = {shift} AND {those})",
-            batch,
+            (first, last, point),
         )
-    slots = _summing(SLOT, f"unrolled CROSS JOIN history WHERE {BATCH}", "unrolled")
-    if any([number >= MUCH for (number,) in database.execute(slots, (*batch, *times))]):
-        dense = (
-            f"rollup AS whole CROSS JOIN history WHERE (whole.point, whole.slot) IN ({MARKED})"
-            f" AND whole.shift = {SLOT} AND whole.number >= {MUCH}"
-        )
-        list(database.execute(_summing(PART, dense, "whole"), (*batch, *times)))
-    database.execute(f"DELETE FROM unrolled WHERE {BATCH}", batch)
+    marked = (
+        f"unrolled CROSS JOIN history WHERE {BATCH} AND history.point = unrolled.point"
+        f" AND at_ns BETWEEN unrolled.slot << {SLOT} AND (unrolled.slot + 1 << {SLOT}) - 1"
+    )
+    summed = database.execute(
+        f"{_summing(SLOT, marked, bounded('?4', '?5'))} RETURNING point, slot, number",
+        (first, last, point, first << SLOT, (last + 1 << SLOT) - 1),
+    )
+    dense = [
+        (point, slot << SLOT, (slot + 1 << SLOT) - 1) for point, slot, number in summed if number >= MUCH
+    ]
+    of_one = "history WHERE point = ?1 AND at_ns BETWEEN ?2 AND ?3"
+    database.executemany(_summing(PART, of_one, bounded("?2", "?3")), dense)
+    database.execute(f"DELETE FROM unrolled WHERE {BATCH}", (first, last, point))
 
 
 def bounded(begin: str, end: str) -> str:
@@ -130,16 +134,13 @@ def bounded(begin: str, end: str) -> str:
     return f"(at_ns BETWEEN {begin} AND {end} OR FALSE)"
 
 
-def _summing(shift: int, those: str, of: str) -> str:
-    """Of the history in slots of that table."""
-    within = bounded("?4", "?5")
+def _summing(shift: int, those: str, within: str) -> str:
+    """Of those rows of the history, of a time."""
     last = f"FROM history WHERE history.point = found.point AND at_ns = last_ns AND {within}"
     last += " ORDER BY id DESC LIMIT 1"
     return (
         f"INSERT INTO rollup SELECT point, {shift}, last_ns >> {shift}, low, high, number, quality,"
         f" (SELECT value {last}), (SELECT quality {last})"
-        f" FROM (SELECT history.point, {OF_HISTORY}, max(at_ns) AS last_ns FROM {those}"
-        f" AND history.point = {of}.point"
-        f" AND at_ns BETWEEN {of}.slot << {SLOT} AND ({of}.slot + 1 << {SLOT}) - 1 AND {within}"
-        f" GROUP BY history.point, at_ns >> {shift}) AS found RETURNING number"
+        f" FROM (SELECT history.point, {OF_HISTORY}, max(at_ns) AS last_ns FROM {those} AND {within}"
+        f" GROUP BY history.point, at_ns >> {shift}) AS found"
     )

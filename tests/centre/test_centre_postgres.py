@@ -21,6 +21,7 @@ from openrtu_tools.centre.postgres import WEEK_NS, PostgresStore, Session
 from openrtu_tools.centre.settings import Keep
 from openrtu_tools.centre.store import Database, Row
 from postgres import Server
+from test_centre_trends import Heard
 
 pytestmark = pytest.mark.slow  # make test-quick brings no PostgreSQL
 NOW = time.time_ns()
@@ -90,20 +91,6 @@ def weeks_of(plan: Iterable[Sequence[str]]) -> set[str]:
     return {table for (line,) in plan for table in re.findall(r" on (history_\w+)", line)}
 
 
-class Planned:
-    """A database; and for each statement on the history, how many weeks its plan has."""
-
-    def __init__(self, database: Database) -> None:
-        self.database = database
-        self.weeks: list[int] = []
-        self.insert, self.executemany = database.insert, database.executemany
-
-    def execute(self, sql: str, parameters: Sequence[Any] = (), /) -> Any:
-        if "history" in sql:
-            self.weeks.append(len(weeks_of(self.database.execute(f"EXPLAIN {sql}", parameters))))
-        return self.database.execute(sql, parameters)
-
-
 def test_summing_up_plans_for_the_weeks_of_its_slot_alone(
     store: PostgresStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -117,9 +104,14 @@ def test_summing_up_plans_for_the_weeks_of_its_slot_alone(
         for at_ns in times:
             put_event(database, at_ns, at_ns % 7)
         rollup.mark(database, [(1, at_ns) for at_ns in times])
-        planned = Planned(database)
-        assert not rollup.Rollup().step(planned, NOW)  # type: ignore[arg-type]
-        return planned.weeks
+        heard = Heard(database)
+        assert not rollup.Rollup().step(heard, NOW)  # type: ignore[arg-type]
+        plans = [
+            database.execute(f"EXPLAIN {sql}", parameters)
+            for sql, parameters in heard.all
+            if "history" in sql
+        ]
+        return [len(weeks_of(plan)) for plan in plans]
 
     weeks = store.transaction(work)
     assert set(weeks) <= {1, 2}

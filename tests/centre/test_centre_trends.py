@@ -7,8 +7,9 @@ import doctest
 import random
 import sqlite3
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -41,6 +42,24 @@ def store(server: Server | None, tmp_path: Path) -> Iterator[Store]:
         points = [(1, 1, ioa) for ioa in POINTS]
         made.transaction(lambda database: database.insert("points", ["station", "ca", "ioa"], points))
         yield made
+
+
+class Heard:
+    """A database, and what it was told: each statement with parameters, of many with the first."""
+
+    def __init__(self, database: Any) -> None:
+        self.database = database
+        self.all: list[tuple[str, Any]] = []
+
+    def execute(self, sql: str, parameters: Sequence[Any] = (), /) -> Any:
+        self.all.append((sql, parameters))
+        return self.database.execute(sql, parameters)
+
+    def executemany(self, sql: str, parameters: Iterable[Sequence[Any]], /) -> None:
+        rows = list(parameters)
+        if rows:
+            self.all.append((sql, rows[0]))
+        self.database.executemany(sql, rows)
 
 
 def put(store: Store, summed: Rollup, rows: Sequence[EventRow]) -> None:
@@ -177,29 +196,34 @@ def test_slots_of_few_rows_are_summed_up_together(store: Store, monkeypatch: pyt
     monkeypatch.setattr(rollup, "STEP_S", 60)
     summed, begin = Rollup(), (END >> SLOT) - 30 << SLOT
     put(store, summed, [EventRow(1, begin + (n << SLOT), n, 0, 0, 3, 0) for n in range(20)])
-    said: list[str] = []
 
-    class Counted:
-        def __init__(self, database: rollup.Database) -> None:
-            self.database = database
+    def step(database: rollup.Database) -> int:
+        heard = Heard(database)
+        assert not summed.step(heard, END)  # type: ignore[arg-type]
+        return len(heard.all)
 
-        def execute(self, sql: str, parameters: Sequence[object] = (), /) -> object:
-            said.append(sql)
-            return self.database.execute(sql, parameters)
-
-    assert not store.transaction(lambda database: summed.step(Counted(database), END))  # type: ignore[arg-type]
+    assert store.transaction(step) < 10
     assert len(rows_of(store, "rollup", "slot")) == 20
-    assert len(said) < 10
 
 
 def test_summing_up_finds_each_point_by_its_index() -> None:
     """What was last, too: thousands of points may have been told at one time."""
     with contextlib.closing(sqlite3.connect(":memory:")) as database:
         database.executescript(";".join(MIGRATIONS))
-        sql = rollup._summing(SLOT, f"unrolled CROSS JOIN history WHERE {rollup.BATCH}", "unrolled")
-        plan = [row[3] for row in database.execute(f"EXPLAIN QUERY PLAN {sql}", (0, 0, 0, 0, 0))]
-    ways = [line for line in plan if "SEARCH history" in line]
-    assert len(ways) == 3 and all("history_point (point=? AND at_ns" in line for line in ways)
+        begin = (END >> SLOT) - 9 << SLOT
+        rows = [EventRow(1, begin + n * S, n, 0, 0, 3, 0) for n in range(rollup.MUCH)]
+        places = ", ".join("?" * len(EventRow._fields))
+        database.executemany(f"INSERT INTO history ({', '.join(EventRow._fields)}) VALUES ({places})", rows)
+        database.execute("INSERT INTO unrolled VALUES (1, ?)", (begin >> SLOT,))
+        heard = Heard(database)
+        Rollup().step(heard, END)  # type: ignore[arg-type]
+        summing = [each for each in heard.all if "history" in each[0]]
+        assert len(summing) == 2  # the slot, and its parts
+        for sql, parameters in summing:
+            plan = [row[3] for row in database.execute(f"EXPLAIN QUERY PLAN {sql}", parameters)]
+            ways = [line for line in plan if "SEARCH history" in line]
+            assert len(ways) == 3
+            assert all("history_point (point=? AND at_ns" in line for line in ways), plan
 
 
 @pytest.mark.parametrize("every", [10, 3600], ids=["much", "few"])
