@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable
 from dataclasses import astuple, fields, replace
 
@@ -91,7 +91,7 @@ class Alarms:
         self.open: dict[AlarmKey, int] = {}
         # Of the transaction under way.
         self.new: dict[AlarmKey, int] = {}
-        self.came: set[int] = set()  # alarms
+        self.came: Counter[int] = Counter()  # alarms, how often
 
     def load(self, database: Database) -> None:
         for row in database.execute("SELECT * FROM alarms WHERE gone_ns IS NULL OR acknowledged_ns IS NULL"):
@@ -241,7 +241,7 @@ class Alarms:
             id_, cause.kind, cause.station, *place[:-1], area=cause.area or None, last_ns=cause.at_ns
         )
         self.new[cause.key] = id_
-        self.came.add(id_)
+        self.came[id_] += 1
 
     def _again(self, database: Database, before: Alarm, cause: AlarmCause) -> None:
         if before.active:
@@ -252,7 +252,7 @@ class Alarms:
             before, gone_ns=None, value=value, returns=before.returns + 1, last_ns=last_ns, suppressed_by=None
         )
         self.put(database, again)
-        self.came.add(again.id)
+        self.came[again.id] += 1
 
     def _go(self, database: Database, cause: AlarmCause) -> None:
         """None ends before it came last, whatever a clock says."""
@@ -326,7 +326,7 @@ class Alarms:
     def _count(self, database: Database) -> None:
         """Each time that one came, and whether the list showed it."""
         rows = []
-        for id_ in self.came:
+        for id_ in self.came.elements():
             alarm = self.changes.alarms[id_]
             is_shown = alarm.suppressed_by is None and alarm.shelved_until_ns < self.now_ns
             rows.append((id_, self.now_ns, int(is_shown)))
