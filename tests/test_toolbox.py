@@ -25,6 +25,7 @@ from pymodbus.client import ModbusTcpClient
 
 from desk import patience
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
+from nuc980 import ports
 from openrtu_tools.cli import main
 from openrtu_tools.modbus import frames, made, registers, serial_port
 from openrtu_tools.modbus.errors import EXCEPTIONS
@@ -36,7 +37,7 @@ from peers.pymodbus_device import PymodbusDevice
 OPENRTU = Path(__file__).resolve().parent.parent / "scripts/openrtu"
 ABSENT = 3  # an address that the devices do not have
 PATIENCE_S = 30  # an answer on a busy host
-SHORT_S = 0.5  # of a device that does not answer
+SHORT_S = 1.5  # of a device that does not answer, or not well
 FLOAT = [0x42F6, 0xE979]  # 123.456
 PYMODBUS = {kind.name for kind in ModbusTcpClient.DATATYPE}
 Said = Callable[..., tuple[int, list[str], str]]
@@ -472,6 +473,20 @@ def test_a_write_that_cannot_be_read_back_was_confirmed(said: Said) -> None:
     assert "the device confirmed the write, but: unit 5 refuses the read" in complaints
 
 
+def test_a_broadcast_is_sent_and_nobody_is_waited_for(said: Said) -> None:
+    with Strange() as strange:
+        code, rows, _ = said("write", strange.place, "--rtu", "-u", 0, "h16", 7, timeout_s=SHORT_S)
+    assert code == 0
+    assert rows == ["sent to all units; nobody answers, so nobody knows who did it"]
+    assert strange.requests == [rtu("00 06 0010 0007")]
+
+
+def test_unit_0_of_tcp_is_one_like_others(said: Said) -> None:
+    with Strange(mbap(1, "00 03 02 1234")) as strange:
+        code, rows, _ = said("read", strange.place, "-u", 0, "h16")
+    assert (code, cells(rows[0])[2]) == (0, "0x1234")
+
+
 def test_the_other_function_is_named_where_one_is_unknown(said: Said) -> None:
     with Strange(rtu("05 86 01")) as strange:
         code, _, complaints = said("write", strange.place, "--rtu", "-u", 5, "h16", 7)
@@ -529,6 +544,7 @@ def test_nobody_is_asked_what_the_words_already_forbid(said: Said) -> None:
     assert "no serial port" in said("read", "/dev/null", "-u", 5, "h16")[2]
     assert "cannot be opened: No such file" in said("read", "/dev/ttyNONE9", "-u", 5, "h16")[2]
     assert "nobody answers" in said("read", "/dev/null", "-u", 0, "h16")[2]
+    assert "nobody answers" in said("read", "127.0.0.1:1", "--rtu", "-u", 0, "h16")[2]
     assert "1 to 247" in said("read", "/dev/null", "-u", 248, "h16")[2]
     assert "beyond address 65535" in said("read", "127.0.0.1:1", "-u", 5, "h65535", "-n", 2)[2]
     assert "no HOST or HOST:PORT" in said("read", "127.0.0.1:x", "-u", 5, "h1")[2]
@@ -611,7 +627,13 @@ def test_a_line_of_the_gateway_is_refused(programs: Path, said: Said) -> None:
         assert said(*words)[0] == 0
 
 
-def test_a_port_of_another_program_is_refused(serial: tuple[Device, list[str]], said: Said) -> None:
+@pytest.mark.parametrize("hidden", [False, True], ids=["seen", "of another user"])
+def test_a_port_of_another_program_is_refused(
+    serial: tuple[Device, list[str]], said: Said, monkeypatch: pytest.MonkeyPatch, hidden: bool
+) -> None:
+    """It is named by what it has open, or by its lock alone."""
+    if hidden:
+        monkeypatch.setattr(ports, "_has_open", lambda *_: False)
     _, words = serial
     hold = "import fcntl, sys; port = open(sys.argv[1]); fcntl.flock(port, fcntl.LOCK_EX); print(); input()"
     with subprocess.Popen(
@@ -717,6 +739,33 @@ def test_poll_goes_on_when_a_device_comes_back(said: Said) -> None:
     device.stop()
 
 
+def test_poll_leaves_a_connection_that_hangs(said: Said) -> None:
+    """It answers nothing any more, and a new one works."""
+    listener = socket.create_server(("127.0.0.1", 0))
+    served: list[int] = []
+
+    def serve() -> None:
+        for answers in (False, True):
+            peer, _ = listener.accept()
+            served.append(0)
+            with peer:
+                while request := peer.recv(300):
+                    served[-1] += 1
+                    if answers:
+                        peer.sendall(mbap(int.from_bytes(request[:2]), "05 03 02 1234"))
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    place = f"127.0.0.1:{listener.getsockname()[1]}"
+    code, rows, complaints = said(
+        "poll", place, "-u", 5, "h16", "--times", 6, "--period", 0, timeout_s=SHORT_S
+    )
+    thread.join(PATIENCE_S)
+    listener.close()
+    assert (code, len(rows), served[0]) == (0, 1, 3)
+    assert "6 requests in" in complaints
+
+
 def test_poll_ends_by_itself_and_says_that_nothing_was_answered(said: Said) -> None:
     with Strange() as strange:
         words = [strange.place, "--rtu", "-u", 5, "h16", "--times", 2, "--period", 0]
@@ -737,7 +786,7 @@ def test_a_late_answer_is_not_the_next_ones(said: Said) -> None:
         with peer:
             asked.append(peer.recv(300))
             peer.settimeout(PATIENCE_S)
-            late = threading.Timer(0.6, peer.sendall, [rtu("05 03 02 0001")])  # behind the time-out of 0.5
+            late = threading.Timer(SHORT_S + 0.5, peer.sendall, [rtu("05 03 02 0001")])
             late.start()
             asked.append(peer.recv(300))
             late.join()

@@ -10,7 +10,7 @@ from typing import Any
 
 from nuc980.errors import UnusableInput
 from openrtu_tools.modbus import registers
-from openrtu_tools.modbus.frames import BIT_TABLES
+from openrtu_tools.modbus.frames import BIT_TABLES, BROADCAST
 from openrtu_tools.modbus.links import Link, RtuLink, SerialStream, SocketStream, TcpLink
 from openrtu_tools.modbus.made import BYTE_ORDERS, FORMATS, WORD_ORDERS
 from openrtu_tools.modbus.registers import Place
@@ -106,6 +106,11 @@ def width(place: Place, layout: Layout) -> int:
 
 def is_serial(device: str) -> bool:
     return "/" in device
+
+
+def is_broadcast(parsed: argparse.Namespace) -> bool:
+    """On Modbus TCP, unit 0 is one like others."""
+    return parsed.unit == BROADCAST and (parsed.rtu or is_serial(parsed.device))
 
 
 def settings_of(parsed: argparse.Namespace) -> Settings:

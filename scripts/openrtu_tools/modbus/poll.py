@@ -26,7 +26,7 @@ from openrtu_tools.modbus.errors import (
     NotAsked,
     Unreachable,
 )
-from openrtu_tools.modbus.links import Link
+from openrtu_tools.modbus.links import Link, TcpLink
 from openrtu_tools.modbus.read import Asked, Value
 from openrtu_tools.modbus.registers import Place
 
@@ -40,6 +40,7 @@ FATES: dict[str, type[Exception]] = {
     "not connected": Unreachable,
 }
 ANSWERED = "answered"
+HUNG_AT = 3  # requests without an answer: a new connection may work where this one hangs
 
 
 @dataclass
@@ -74,6 +75,7 @@ class Poll:
     values: dict[Place, Value] = field(default_factory=dict)
     troubles: dict[int, str] = field(default_factory=dict)  # of each request, what was said of it
     now: Link | None = None
+    silent: int = 0  # requests in a row without an answer
 
     def turn(self) -> None:
         """Reads all once. What fails is said once, until something else comes of it."""
@@ -87,6 +89,7 @@ class Poll:
                 self._changed(values)
 
     def close(self) -> None:
+        self.silent = 0
         if self.now:
             self.now.stream.close()
             self.now = None
@@ -98,12 +101,15 @@ class Poll:
         values = asked.read(self.now, self.unit)
         self.statistics.took_s.append(time.monotonic() - began)
         self.statistics.fates[ANSWERED] += 1
+        self.silent = 0
         return values
 
     def _failed(self, number: int, error: ModbusError | Unreachable) -> None:
         fate = next(word for word, kind in FATES.items() if isinstance(error, kind))
         self.statistics.fates[fate] += 1
-        if isinstance(error, LinkLost):
+        self.silent = self.silent + 1 if isinstance(error, NoAnswer) else 0
+        hung = isinstance(self.now, TcpLink) and self.silent >= HUNG_AT
+        if hung or isinstance(error, LinkLost):
             self.close()
         if self.troubles.get(number) != fate:
             self.complain(str(error))

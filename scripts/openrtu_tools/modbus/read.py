@@ -17,7 +17,7 @@ from typing import Any
 from nuc980.errors import UnusableInput
 from openrtu_tools.modbus import arguments, frames
 from openrtu_tools.modbus.errors import Exceptional
-from openrtu_tools.modbus.frames import BIT_TABLES, BITS_MOST, BROADCAST, REGISTERS_MOST
+from openrtu_tools.modbus.frames import BIT_TABLES, BITS_MOST, REGISTERS_MOST
 from openrtu_tools.modbus.links import Link
 from openrtu_tools.modbus.made import ADDRESS_LAST
 from openrtu_tools.modbus.registers import Place
@@ -103,7 +103,7 @@ def requests(places: Sequence[Place], count: int, layout: Layout | None) -> Iter
 
 def asked_for(parsed: argparse.Namespace) -> list[Asked]:
     """Raises UnusableInput."""
-    if parsed.unit == BROADCAST and arguments.is_serial(parsed.device):
+    if arguments.is_broadcast(parsed):
         raise UnusableInput("--unit 0: is the broadcast of a serial line, which nobody answers")
     return list(requests(parsed.places, parsed.count, arguments.named_layout(parsed)))
 

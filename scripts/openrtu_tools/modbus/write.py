@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from nuc980.errors import UnusableInput
 from openrtu_tools.modbus import arguments, frames
 from openrtu_tools.modbus.errors import Exceptional, ModbusError
-from openrtu_tools.modbus.frames import BROADCAST, COILS, HOLDING_REGISTERS, Request
+from openrtu_tools.modbus.frames import COILS, HOLDING_REGISTERS, Request
 from openrtu_tools.modbus.links import Link
 from openrtu_tools.modbus.made import ADDRESS_LAST
 from openrtu_tools.modbus.read import TIMEOUT_S, Asked
@@ -84,9 +84,8 @@ def _raw(place: Place, parsed: argparse.Namespace) -> list[int]:
 
 def run(parsed: argparse.Namespace) -> int:
     request = request_of(parsed)
-    broadcast = parsed.unit == BROADCAST and arguments.is_serial(parsed.device)
     with arguments.link_of(parsed) as link:
-        if broadcast:
+        if arguments.is_broadcast(parsed):
             link.tell(request)
             print("sent to all units; nobody answers, so nobody knows who did it")
             return 0
