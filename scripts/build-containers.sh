@@ -63,7 +63,8 @@ packages_of() {
 	done
 }
 
-# What reaches the hooks by the environment needs no quotes. What an import of Python leaves behind has other bytes each time.
+# What reaches the hooks by the environment needs no quotes. What an import of Python leaves behind has other bytes each time. The
+# last hook takes out what mmdebstrap has of this machine: its mirror, its name, its name servers. apt asks Debian's own instead.
 make_root() {
 	local part=$1 root=$2
 	mapfile -t files < <(packages_of "$part")
@@ -77,11 +78,14 @@ make_root() {
 	private_root_tar "$root.tar" --include="systemd-standalone-sysusers${needed[$part]:+,${needed[$part]}}" \
 		--dpkgopt='path-exclude=/usr/share/man/*' --dpkgopt='path-exclude=/usr/share/locale/*' \
 		--dpkgopt='path-exclude=/usr/share/doc/*' --dpkgopt='path-include=/usr/share/doc/*/copyright' \
+		--dpkgopt='path-include=/usr/share/doc/apt/examples/sources.list' \
 		--customize-hook='mkdir "$1/debs" && cp "$ROOT_DEBS"/*.deb "$1/debs"' \
 		--customize-hook='chroot "$1" env PYTHONDONTWRITEBYTECODE=1 sh -c "apt-get install --yes --no-install-recommends /debs/*.deb"' \
 		--customize-hook='rm -r "$1/debs"' \
 		--customize-hook='[ -z "$ROOT_OWNED" ] || chroot "$1" install --directory --owner $ROOT_OWNED' \
-		--customize-hook='install -m 755 "$ROOT_PROGRAMS"/* "$1/usr/local/bin"'
+		--customize-hook='install -m 755 "$ROOT_PROGRAMS"/* "$1/usr/local/bin"' \
+		--customize-hook='mv "$1/usr/share/doc/apt/examples/sources.list" "$1/etc/apt"' \
+		--customize-hook='rm "$1/etc/hostname" "$1/etc/resolv.conf"'
 	rm -r "$root.debs" "$root.programs"
 }
 

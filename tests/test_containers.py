@@ -3,6 +3,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 import tarfile
@@ -96,6 +97,16 @@ def test_gateway_runs_with_the_capabilities_that_are_named(tmp_path: Path) -> No
 def points(gateway: Container) -> set[str]:
     done = gateway.execute("rtuctl", "--json", "points")
     return {point["quality"] for point in json.loads(done.stdout)} if done.returncode == 0 else set()
+
+
+@NEEDS_ROOT
+def test_image_has_nothing_of_the_machine_that_made_it(tmp_path: Path) -> None:
+    """Neither its name nor its name servers, and apt asks Debian's own servers, not its mirror."""
+    etc = Container(containers.image("gateway"), tmp_path / "root").root / "etc"
+    assert [name for name in ("hostname", "resolv.conf", "machine-id") if (etc / name).exists()] == []
+    servers = re.findall(r"^deb \w+://([^/]+)/", (etc / "apt/sources.list").read_text(), re.MULTILINE)
+    assert len(servers) == 3
+    assert {server.partition(".")[2] for server in servers} == {"debian.org"}
 
 
 @NEEDS_ROOT
