@@ -85,6 +85,11 @@ cves: sbom
 	  $(if $(NVD),'$(NVD)',$(BR2_DL_DIR)/buildroot-nvd --fetch) || [ $$? = 1 ]
 	$(if $(filter %-offline,$(IMAGE)),@echo 'What Debian mended within a release is open above: docs/security.md')
 
+# Lists of what they hold: scripts/image/contents.py.
+compare-images: image-debian ## Test: two images hold the same, but for board/nuc980/differences.toml (IMAGE=)
+	@PYTHONPATH=scripts python3 -m image.contents compare $(SYSTEM).parts/initramfs.cpio \
+	  build/$(if $(IMAGE_TYPED),$(IMAGE),nuc980_gateway_lts-offline)/contents.json
+
 check-image: $(IMAGING) ## Test: the Buildroot configurations, with Buildroot's own tools
 	PYTHONPATH=scripts $(PYTHON) -m image.check $(BUILDROOT_DIR)
 
