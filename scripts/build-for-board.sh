@@ -82,7 +82,9 @@ if ! [[ -e $folder/inputs && $(inputs) == "$(<"$folder/inputs")" ]]; then
 	(
 		cd "$folder/build"
 		SOURCE_DATE_EPOCH=$(dpkg-parsechangelog --show-field Timestamp)
-		export SOURCE_DATE_EPOCH
+		# BusyBox tells that date in the time zone of whoever builds it.
+		export SOURCE_DATE_EPOCH TZ=UTC LC_ALL=C
+		umask 022
 		build
 	)
 	inputs >"$folder/inputs"

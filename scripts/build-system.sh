@@ -57,11 +57,12 @@ make_root() {
 	image_tool cpio "$parts/root" "$parts/initramfs.cpio"
 	cat >"$parts/initramfs.fragment" <<-END
 		# $(sha256sum <"$parts/initramfs.cpio")
-		CONFIG_INITRAMFS_SOURCE="$parts/initramfs.cpio"
+		CONFIG_INITRAMFS_SOURCE="../initramfs.cpio"
 	END
 }
 
-# What an initramfs changes is built, and linked, in a copy of the kernel's objects.
+# What an initramfs changes is built, and linked, in a copy of the kernel's objects. It lies beside them, since its path is in
+# the kernel's own copy of its configuration: an absolute one makes another kernel in each folder.
 make_kernel() {
 	if ! cmp --quiet "$build/linux/inputs" "$kernel/of"; then
 		rm -f "$kernel/inputs"
@@ -69,6 +70,7 @@ make_kernel() {
 		rsync --archive --delete "$build/linux/build/" "$kernel/build/"
 		cp "$build/linux/inputs" "$kernel/of"
 	fi
+	cp "$parts/initramfs.cpio" "$kernel"
 	"$tree/scripts/build-linux.sh" "$build/linux/debian" "$kernel" "${fragments[@]}"
 }
 

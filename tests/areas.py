@@ -204,6 +204,7 @@ REACH = [
     ("scripts/image/*", f"test-image {BOARDS}"),
     ("scripts/series.py", f"lint {SERIES}"),
     ("scripts/build-dtb.sh", f"test-pins test-image {BOARDS}"),
+    ("scripts/build-for-board.sh", f"test-image {BOARDS}"),
     ("scripts/validate-dtb.sh", "test-pins"),
     ("scripts/build-qemu.sh", BOARDS),
     ("scripts/build-uboot.sh", BOARDS),

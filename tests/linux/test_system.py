@@ -7,6 +7,7 @@ import os
 import re
 import shutil
 import subprocess
+import zlib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -354,3 +355,20 @@ def test_image_is_reproducible(site: Path, tmp_path: Path) -> None:
     for folder in (first, second):
         folder.mkdir()
     assert root_with(site, first).read_bytes() == root_with(site, second).read_bytes()
+
+
+# ---- where it was made
+
+
+def test_nothing_tells_the_folder_that_it_was_made_in() -> None:
+    """Else one tree makes another image in each folder. The kernel has its configuration in itself, and a
+    program the ID of all that debuggers are told."""
+    kernel = (ROOT / "build/linux-system/vmlinux").read_bytes()
+    packed = kernel[kernel.index(b"IKCFG_ST") + len(b"IKCFG_ST") :]
+    configuration = zlib.decompressobj(wbits=31).decompress(packed)
+    assert b'\nCONFIG_INITRAMFS_SOURCE="../initramfs.cpio"\n' in configuration
+    root, rtud = (
+        (ROOT / "build" / file).read_bytes()
+        for file in ("system.parts/initramfs.cpio", "arm-release/rtud/rtud")
+    )
+    assert [os.fsencode(ROOT) in content for content in (kernel, configuration, root, rtud)] == [False] * 4
