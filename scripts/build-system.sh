@@ -79,7 +79,7 @@ make_images() {
 	epoch=$(dpkg-parsechangelog --file "$build/linux/debian/debian/changelog" --show-field Timestamp)
 	SOURCE_DATE_EPOCH=$epoch mkimage -A arm -O linux -T kernel -C none -a 0x8000 -e 0x8000 \
 		-n "Linux-$(<"$kernel/build/include/config/kernel.release")" -d "$kernel/zImage" "$folder/uImage" >"$parts/mkimage.log"
-	cp "$build/dtb/$device_tree" "$folder/$device_tree"
+	install -m 644 "$build/dtb/$device_tree" "$folder/$device_tree"
 	"$board/place-macs.sh" "$folder/$device_tree"
 }
 
