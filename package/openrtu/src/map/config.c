@@ -5,23 +5,25 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define BITS_SIZE sizeof(".255-255")
+
 /* Of map_label: ".7", ".8-15", or nothing. */
-static void bits_of_label(uint32_t label, char out[MAP_NAME_SIZE])
+static void bits_of_label(uint32_t label, char out[BITS_SIZE])
 {
-	const unsigned first = label >> 16 & 0xf, bits = label >> 20 & 0xf;
+	const uint8_t first = label >> 16 & 0xf, bits = label >> 20 & 0xf;
 
 	out[0] = '\0';
 	if (bits == 1)
-		snprintf(out, MAP_NAME_SIZE, ".%u", first);
+		snprintf(out, BITS_SIZE, ".%hhu", first);
 	else if (bits > 1)
-		snprintf(out, MAP_NAME_SIZE, ".%u-%u", first, first + bits - 1);
+		snprintf(out, BITS_SIZE, ".%hhu-%hhu", first, (uint8_t)(first + bits - 1));
 }
 
 void map_point_name(const struct map_config *config, const struct map_point *point, char out[MAP_NAME_SIZE])
 {
 	const struct map_set *set = &config->sets[point->set];
 	const uint32_t label = point->name;
-	char bits[MAP_NAME_SIZE];
+	char bits[BITS_SIZE];
 
 	if (!(label & MAP_LABEL)) {
 		snprintf(out, MAP_NAME_SIZE, "%s", &config->names[point->name]);
