@@ -89,6 +89,7 @@ class Result(IntEnum):
     NOT_COMMANDABLE = 8
     UNKNOWN_FATE = 9
     NO_SCALE = 10
+    SENT = 11
     NOT_UP = 64
     BUSY = 65
     NOT_KNOWN = 66

@@ -324,6 +324,8 @@ def test_broadcast_write_reaches_the_line(desk: Desk) -> None:
     frame = desk.lines.wait_frame(lambda f: f.kind == "received" and f.bytes[0] == 0, since=mark)
     assert frame.bytes[:6] == bytes([0, 5, 0, 100, 255, 0])
     assert desk.lines.get("1.10", "coils", 100) == 1
+    log = "lamp-test = on: sent, unanswered, commanded by rtu-iec104"  # never as executed
+    desk.gateway.wait_for(lambda: log in desk.gateway.log(), 10.0, log)
 
 
 # ---- devices that fail ------------------------------------------------------------------------------

@@ -96,6 +96,7 @@ export const RESULT = {
   NOT_COMMANDABLE: 8,
   UNKNOWN_FATE: 9,
   NO_SCALE: 10,
+  SENT: 11,
   NOT_UP: 64,
   BUSY: 65,
   NOT_KNOWN: 66,

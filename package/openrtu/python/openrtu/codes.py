@@ -56,3 +56,4 @@ class Result(IntEnum):
     NOT_COMMANDABLE = 8  # or its owner does not run
     UNKNOWN_FATE = 9  # the owner died: it may or may not have acted
     NO_SCALE = 10  # the device's scale is not known
+    SENT = 11  # to all, of whom none answers: a broadcast

@@ -169,6 +169,7 @@ static enum add_cause cause_of(const struct iec61850_server *server, const struc
 	case MAP_RESULT_NOT_COMMANDABLE:
 		return NOT_SUPPORTED;
 	case MAP_RESULT_UNKNOWN_FATE:
+	case MAP_RESULT_SENT:
 		return COMMUNICATION_LOSS;
 	case MAP_RESULT_NO_SCALE:
 		return BLOCKED_BY_HEALTH;

@@ -8,7 +8,7 @@
 
 /* The ten states and the results are the map's. */
 _Static_assert((int)OPENRTU_EXECUTED_COMMAND == (int)MAP_EXECUTED_COMMAND, "states");
-_Static_assert((int)OPENRTU_NO_SCALE == (int)MAP_RESULT_NO_SCALE, "results");
+_Static_assert((int)OPENRTU_SENT == (int)MAP_RESULT_SENT, "results");
 
 static struct commanding *commanding_of(const struct openrtu *rtu, int point)
 {

@@ -154,7 +154,8 @@ enum openrtu_result {
 	OPENRTU_OUT_OF_RANGE,    /* the point cannot hold this value */
 	OPENRTU_NOT_COMMANDABLE, /* or its owner does not run */
 	OPENRTU_UNKNOWN_FATE,    /* the owner died: it may or may not have acted */
-	OPENRTU_NO_SCALE         /* the device's scale is not known */
+	OPENRTU_NO_SCALE,        /* the device's scale is not known */
+	OPENRTU_SENT             /* to all, of whom none answers: a broadcast */
 };
 
 /*

@@ -208,7 +208,7 @@ int openrtu_request_confirm(struct openrtu *rtu, int point)
 
 static bool is_result(enum openrtu_result result)
 {
-	return result > OPENRTU_NONE && (unsigned)result <= MAP_RESULT_NO_SCALE;
+	return result > OPENRTU_NONE && (unsigned)result <= MAP_RESULT_SENT;
 }
 
 int openrtu_request_end(struct openrtu *rtu, int point, enum openrtu_result result)

@@ -54,8 +54,7 @@ static struct logic_verdict judge_new(const struct logic *logic, const struct lo
 /* Why the device refused; a program that does not say has an interlock of its own. */
 static uint8_t reason_of(int64_t result)
 {
-	return result > MAP_RESULT_DONE && result <= MAP_RESULT_NO_SCALE ? (uint8_t)result
-									 : MAP_RESULT_INTERLOCK;
+	return result > MAP_RESULT_DONE && result <= MAP_RESULT_SENT ? (uint8_t)result : MAP_RESULT_INTERLOCK;
 }
 
 struct logic_verdict logic_judge(const struct logic *logic, const struct logic_request *request)

@@ -42,7 +42,8 @@
 	ROW(MAP_RESULT_OUT_OF_RANGE, 7, "out of range") /* the point cannot hold this value */               \
 	ROW(MAP_RESULT_NOT_COMMANDABLE, 8, "not commandable") /* or its owner does not run */                \
 	ROW(MAP_RESULT_UNKNOWN_FATE, 9, "unknown fate") /* the owner died: it may or may not have acted */   \
-	ROW(MAP_RESULT_NO_SCALE, 10, "no power of ten") /* the device's scale is not known */
+	ROW(MAP_RESULT_NO_SCALE, 10, "no power of ten") /* the device's scale is not known */                \
+	ROW(MAP_RESULT_SENT, 11, "sent, unanswered")    /* to all, of whom none answers: a broadcast */
 
 /* Why a value is sent (IEC 60870-5-101, 7.2.3: causes 3, 11 and 12): name, number, words */
 #define MAP_CAUSES(ROW)                                                                                      \

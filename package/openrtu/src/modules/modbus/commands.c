@@ -117,7 +117,7 @@ static void await_return(struct commands *commands, struct commands_progress *pr
 {
 	progress->unseen = true;
 	if (is_broadcast(commands, progress->point))
-		finish(commands, progress, MAP_RESULT_DONE, 0);
+		finish(commands, progress, MAP_RESULT_SENT, 0);
 	else if (wire_of(commands, progress->point)->flags & MODBUS_NO_READ_BACK)
 		leave_to_polling(commands, progress, now_ns);
 	else

@@ -208,6 +208,24 @@ static void test_without_read_back_it_ends_all_the_same(void **state)
 	expect(MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
 }
 
+/* It has left, and nobody answers it: it is never executed. */
+static void test_a_broadcast_is_sent_and_unanswered(void **state)
+{
+	struct stage *stage = *state;
+
+	stage->rtud->config.sets[stage->points[REGISTER].set].never_read = true;
+	command(REGISTER, 7, 0);
+	expect(MAP_EXECUTING, MAP_RESULT_NONE);
+	device_answers(REGISTER, MODBUS_DONE);
+	expect(MAP_EXECUTING, MAP_RESULT_DONE);
+	expect(MAP_REFUSED_COMMAND, MAP_RESULT_SENT);
+	assert_int_equal(commands.count, 0);
+	command(REGISTER, 8, 0);
+	expect(MAP_EXECUTING, MAP_RESULT_NONE);
+	device_answers(REGISTER, MODBUS_NOT_SENT);
+	expect(MAP_REFUSED_COMMAND, MAP_RESULT_TIMEOUT);
+}
+
 static void leave_to_polling(void **state, uint32_t point)
 {
 	struct stage *stage = *state;
@@ -510,6 +528,7 @@ int main(void)
 	    TEST_COMMANDS(test_confirmation_read_back_end),
 	    TEST_COMMANDS(test_the_next_command_waits_for_the_read_back),
 	    TEST_COMMANDS(test_without_read_back_it_ends_all_the_same),
+	    TEST_COMMANDS(test_a_broadcast_is_sent_and_unanswered),
 	    TEST_COMMANDS(test_the_confirmation_ends_what_is_not_to_be_read_back),
 	    TEST_COMMANDS(test_what_is_read_much_later_is_no_return),
 	    TEST_COMMANDS(test_refusals),

@@ -261,7 +261,7 @@ static void serve_requests(void)
 	while (map_request_next(owner, &request))
 		if (map_command_request(owner, &request))
 			map_command_finish(owner, request.point,
-					   (enum map_command_result)(1 + next_octet() % MAP_RESULT_NO_SCALE),
+					   (enum map_command_result)(1 + next_octet() % MAP_RESULT_SENT),
 					   next_octet());
 }
 
