@@ -7,6 +7,7 @@ What grows is kept in partitions, one a week; BRIN finds the events of a time, f
 from __future__ import annotations
 
 import asyncio
+import math
 import re
 import threading
 import time
@@ -33,6 +34,7 @@ CONNECT_S = 10.0
 ANSWER_S = 60.0  # of a statement; a server that is slower is as good as gone
 MIGRATES_S = 3600.0  # of a step to the next version: it may read all that is stored
 AGAIN_S = 1.0
+PLANS_S = 30.0  # plans are kept so long
 LOCK_AGAIN_S, LOCK_TRIES = 0.1, 50
 FAULTS = (asyncpg.PostgresError, asyncpg.InterfaceError, asyncpg.InternalClientError, OSError, TimeoutError)
 # The server notices within half a minute that this machine is gone, and lets go of the lock.
@@ -307,11 +309,18 @@ class Session:
     connection: asyncpg.Connection
     loop: asyncio.AbstractEventLoop
     weeks: dict[str, set[int]] = field(default_factory=dict)  # that are partitions
+    planned_s: float = -math.inf  # when all plans were given up last
     _prepared: dict[str, Any] = field(default_factory=dict)
     _unnested: dict[tuple[str, ...], str] = field(default_factory=dict)
 
     def do(self, work: Coroutine[Any, Any, T]) -> T:
         return self.loop.run_until_complete(work)
+
+    def plan_anew(self) -> None:
+        """Now and then: until it makes statistics, the server keeps what it planned for a small table."""
+        if time.monotonic() - self.planned_s > PLANS_S:
+            self.script("DISCARD PLANS")
+            self.planned_s = time.monotonic()
 
     def _statement(self, sql: str) -> Any:
         if sql not in self._prepared:
@@ -443,6 +452,7 @@ class PostgresStore(Store):
         number = 0
         committing = False
         try:
+            session.plan_anew()
             session.script("BEGIN")
             if self.alone:
                 [(number,)] = session.execute("UPDATE written SET number = number + 1 RETURNING number")

@@ -37,7 +37,8 @@ def address(postgresql: Server) -> str:
 def store(address: str) -> Iterator[PostgresStore]:
     with contextlib.closing(PostgresStore(address, alone=True)) as made:
         yield made
-        made.transaction(lambda database: database.execute("DELETE FROM history"))
+        for table in ("history", "rollup"):
+            made.transaction(lambda database, table=table: database.execute(f"DELETE FROM {table}"))
 
 
 def put_event(database: Database, at_ns: int, value: float = 0) -> None:
@@ -174,6 +175,31 @@ def test_years_read_each_slot_a_few_times_though_there_are_no_statistics(
     ]
     assert sum(each["number"] for each in columns) == slots
     assert rows and max(rows) < 6 * slots
+
+
+@pytest.mark.parametrize(("kept_s", "reads_all"), [(3600.0, True), (0.0, False)])
+def test_plan_of_a_small_table_is_given_up(
+    store: PostgresStore, monkeypatch: pytest.MonkeyPatch, kept_s: float, reads_all: bool
+) -> None:
+    monkeypatch.setattr(module, "PLANS_S", kept_s)
+    sql = "SELECT low FROM rollup WHERE point = ? AND shift = ? AND slot = ?"
+
+    def ask(database: Session) -> str:
+        database.execute(sql, (1, 2, 3))
+        name = database._prepared[sql].get_name()
+        return "".join(row[0] for row in database.execute(f"EXPLAIN EXECUTE {name} (1, 2, 3)"))
+
+    def grow(first: int, last: int) -> None:
+        rows = f"SELECT 1, 2, slot, 0, 0, 1, 0, 0, 0 FROM generate_series({first}, {last}) AS slot"
+        store.transaction(lambda database: database.execute(f"INSERT INTO rollup {rows}"))
+
+    store.transaction(lambda database: database.execute("TRUNCATE rollup"))
+    grow(1, 20)
+    store.transaction(lambda database: database.execute("ANALYZE rollup"))
+    for _ in range(8):
+        store.transaction(ask)  # type: ignore[arg-type]
+    grow(21, 20_000)
+    assert ("Seq Scan" in store.transaction(ask)) == reads_all  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("stored", [True, False])
