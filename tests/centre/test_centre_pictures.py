@@ -289,6 +289,16 @@ def touched(session: CDPSession, kind: str, *points: tuple[float, float]) -> Non
     session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": at})
 
 
+def show_all(page: Page) -> None:
+    """A browser may take the first tap behind a movement for its end, as of a finger that stops a page."""
+
+    def tapped() -> bool:
+        page.get_by_role("button", name="Show all of it").tap()
+        return page.locator(".drawing svg").get_attribute("viewBox") == "0 0 100 100"
+
+    until(tapped, "all of it is seen")
+
+
 def test_a_finger_commands_and_a_finger_that_drags_does_not(
     browser: Browser, site: Site, asked: list[str], stations: Stations, north: Station
 ) -> None:
@@ -307,8 +317,7 @@ def test_a_finger_commands_and_a_finger_that_drags_does_not(
         fingers("touchEnd")
         assert page.locator("dialog").count() == 0
         expect(page.locator(".drawing svg")).not_to_have_attribute("viewBox", "0 0 100 100")
-        page.get_by_role("button", name="Show all of it").tap()
-        expect(page.locator(".drawing svg")).to_have_attribute("viewBox", "0 0 100 100")
+        show_all(page)
         fingers("touchStart", (100, 400), (200, 400))
         fingers("touchMove", (80, 400), (240, 400))
         fingers("touchMove", (60, 400), (280, 400))
@@ -318,7 +327,7 @@ def test_a_finger_commands_and_a_finger_that_drags_does_not(
             return float(str(page.locator(".drawing svg").get_attribute("viewBox")).split()[2])
 
         until(lambda wide=wide: 30 < wide() < 70, "it is larger")
-        page.get_by_role("button", name="Show all of it").tap()
+        show_all(page)
         part(page, "lamp").tap()
         expect(page.locator("dialog h2")).to_have_text("Command: pump")
 
