@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from alone import MOST
+
 ROOT = Path(__file__).resolve().parent.parent
 
 TESTS = """
@@ -85,6 +87,16 @@ def test_what_a_crash_leaves_out_is_not_passed(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_many_are_no_accident(tmp_path: Path) -> None:
-    ran = run(tmp_path, fail_once=4, fails=False)
+    files = [tmp_path / f"test_more_{number}.py" for number in range(MOST)]
+    for file in files:
+        file.write_text(TESTS.format(fail_once=1, fails=False).replace("ran-", f"{file.stem}-"))
+    ran = run(tmp_path, 1, False, *map(str, files))
     assert ran.returncode == 1
     assert "alone" not in ran.stdout
+
+
+@pytest.mark.slow
+def test_many_of_one_file_are_one_accident(tmp_path: Path) -> None:
+    ran = run(tmp_path, fail_once=2 * MOST, fails=False)
+    assert ran.returncode == 0
+    assert f"once more, alone: {2 * MOST}" in ran.stdout

@@ -84,7 +84,12 @@ def add_link(parser: argparse.ArgumentParser, timeout_s: float) -> None:
 
 def add_layout(parser: argparse.ArgumentParser) -> None:
     layout = parser.add_argument_group("of registers, as the keys of an object (docs/configuration.md)")
-    layout.add_argument("--format", choices=FORMATS, help=f"what they hold [{WITHOUT}]")
+    layout.add_argument(  # a page of the manual has no line that is as long as all of them
+        "--format",
+        choices=FORMATS,
+        metavar="FORMAT",
+        help=f"what they hold: {', '.join(FORMATS)} [{WITHOUT}]",
+    )
     layout.add_argument("--word-order", choices=WORD_ORDERS, default=WORD_ORDERS[0], help="[big]")
     layout.add_argument("--byte-order", choices=BYTE_ORDERS, default=BYTE_ORDERS[0], help="[big]")
 
