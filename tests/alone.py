@@ -15,8 +15,8 @@ import pytest
 
 from times import ALONE, failed_tests, passed_alone
 
-# Files with failures; more are no accident of a busy host. What fails in a file often fails the rest of it, too,
-# which has the same gateway or guest.
+# Files with failures; more are no accident of a busy host. What fails in a file often fails the
+# rest of it, which has the same gateway or guest.
 MOST = 6
 
 
