@@ -25,6 +25,8 @@
 #define EXPONENT_MAX 10
 /* A double, as the greatest 64-bit integer is not. */
 #define TWO_TO_63 0x1p63
+/* From here on doubles are 2 apart. */
+#define TWO_TO_53 0x1p53
 
 static bool has(const struct modbus_point *point, enum modbus_point_flag flag)
 {
@@ -232,6 +234,16 @@ static bool put_floating(const struct modbus_point *point, double number, uint16
 	return scatter(point, all, raw);
 }
 
+/* Not pow(): a line process would lock the library of mathematics in memory for it. */
+static double power(unsigned base, unsigned exponent)
+{
+	double product = 1;
+
+	while (exponent-- > 0)
+		product *= base;
+	return product;
+}
+
 /* From the least integer that a format holds to the first that is beyond it. */
 static void range_of(const struct modbus_point *point, double *least, double *beyond)
 {
@@ -243,10 +255,10 @@ static void range_of(const struct modbus_point *point, double *least, double *be
 		*least = -half;
 		*beyond = half;
 	} else if (format_of(point)->coding == MODBUS_MOD10) {
-		*beyond = pow(TEN_THOUSAND, point->width);
-		*least = nextafter(-*beyond, 0);
+		*beyond = power(TEN_THOUSAND, point->width);
+		*least = (*beyond > TWO_TO_53 ? 2 : 1) - *beyond; /* the next one that a double has */
 	} else if (format_of(point)->coding == MODBUS_BCD) {
-		*beyond = pow(10, (bits_of(point) + DIGIT_BITS - 1) / DIGIT_BITS);
+		*beyond = power(10, (bits_of(point) + DIGIT_BITS - 1) / DIGIT_BITS);
 	}
 }
 
