@@ -8,7 +8,6 @@ sent.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 
 from nuc980.errors import UnusableInput
 from openrtu_tools.modbus import arguments, frames
@@ -120,8 +119,4 @@ def _read_back(link: Link, parsed: argparse.Namespace) -> int:
     for value, words, text in zip(values, wanted, parsed.values, strict=True):
         same = value.words == words
         print(f"{value.row()}  {'as written' if same else f'but {text} was written'}")
-    return 0 if _all_same([value.words for value in values], wanted) else 1
-
-
-def _all_same(read: Sequence[tuple[int, ...]], written: Sequence[tuple[int, ...]]) -> bool:
-    return list(read) == list(written)
+    return 0 if [value.words for value in values] == wanted else 1

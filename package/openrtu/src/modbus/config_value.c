@@ -93,7 +93,6 @@ static void check_unimplemented(struct modbus_loader *loader, const struct confi
 				const struct config_value *values, enum map_type type)
 {
 	const struct config_place here = modbus_object_key(object, OBJECT_UNIMPLEMENTED);
-
 	enum modbus_format format = modbus_object_format(values, type);
 
 	if (!values[OBJECT_UNIMPLEMENTED].given)
