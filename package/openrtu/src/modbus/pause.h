@@ -15,7 +15,7 @@
 #include <stdint.h>
 
 #define MODBUS_PAUSE_MAX_NS   20000000000LL /* what is longer is no pause */
-#define MODBUS_PAUSE_RETRY_NS 60000000000LL /* until none is tried, the first time; it doubles */
+#define MODBUS_PAUSE_RETRY_NS 5000000000LL  /* until none is tried, the first time; it doubles */
 
 struct modbus_pause {
 	int64_t least_ns; /* the configuration's */
