@@ -223,6 +223,24 @@ static void test_noise_is_no_pause(void **state)
 	assert_true(held < 60000 / 50);
 }
 
+/* The request before a loss comes soonest: what is answered comes a little later, each time. */
+static void test_commands_that_are_lost_are_no_pause(void **state)
+{
+	(void)state;
+	set_up_alone(false, 0, 1);
+	bus.chance = 7;
+	for (uint32_t i = 0; i < 50; i++) {
+		run_for(10 * SECOND);
+		bus.slaves[0].fault = MUTE;
+		bus.slaves[0].faults = 1;
+		command(0, MODBUS_WRITE_REGISTER, 3, (uint16_t)i, i);
+		run_for(SECOND);
+		assert_int_equal(bus.last_result, MODBUS_TIMED_OUT);
+		assert_int_equal(bus.devices[0].pause.kept_ns, 0);
+	}
+	assert_int_equal(bus.pauses[0], 0);
+}
+
 /* Up to so long. */
 static int64_t random_ns(uint32_t *seed, int64_t most_ns)
 {
@@ -328,6 +346,7 @@ int main(void)
 	    cmocka_unit_test(test_a_pause_that_is_not_needed_any_more_is_forgotten),
 	    cmocka_unit_test(test_a_pause_is_learned_above_that_of_the_configuration),
 	    cmocka_unit_test(test_noise_is_no_pause),
+	    cmocka_unit_test(test_commands_that_are_lost_are_no_pause),
 	    cmocka_unit_test(test_stalls_are_forgotten_soon),
 	    cmocka_unit_test(test_a_read_that_is_not_given_is_no_pause),
 	    cmocka_unit_test(test_a_device_that_was_away_needs_no_pause),
