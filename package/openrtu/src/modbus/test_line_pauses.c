@@ -152,7 +152,7 @@ static void learns(bool tcp, int64_t pause_ns, uint8_t retries, int64_t within_n
 	assert_int_equal(bus.deaths[0], 0);
 	assert_true(bus.reads_done[0] > 40 * SECOND / (kept_ns + 100 * MS) * 9 / 10);
 	assert_in_range(bus.line.counters.timeouts, 0, 2); /* tries of none */
-	assert_int_equal(bus.devices[0].read_count, 2); /* nothing was divided */
+	assert_int_equal(bus.devices[0].read_count, 2);    /* nothing was divided */
 }
 
 static void test_a_pause_is_learned_on_a_serial_line(void **state)
