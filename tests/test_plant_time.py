@@ -2,11 +2,13 @@
 """The plant under a clock of its own (docs/plant.md): one seed is one trace, whatever else the host does."""
 
 import json
+import shutil
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -18,7 +20,7 @@ from lab.patience import Deadline
 from plant_faults import FAULTS, look_for, names
 from plant_judge import Violation, judge
 from plant_run import shrunk, story
-from plant_world import BUILD, Fault, Run, World, calm, troubled
+from plant_world import BUILD, Fault, Run, World, calm, restless, troubled
 
 SECONDS = 60.0
 TROUBLED_S = 300.0
@@ -109,6 +111,16 @@ def test_what_must_hold_in_a_world_with_faults(
     assert not violations, story(ran, violations)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [8, 9])
+def test_what_must_hold_on_lines_of_a_busy_host(
+    programs: Path, linesim_program: Path, folder: Path, seed: int
+) -> None:
+    ran = run_world(restless(seed, TROUBLED_S), folder / f"lines-{seed}")
+    violations = judge(ran)
+    assert not violations, story(ran, violations)
+
+
 def test_what_must_hold_in_a_calm_world(first: Run) -> None:
     assert judge(first) == []
 
@@ -158,6 +170,35 @@ def test_points_of_a_silent_device_are_invalid(programs: Path, linesim_program: 
     ran = faulty(folder, Fault(10.0, "silent", "1.2", for_s=10.0))
     bad = {told["point"] for told in ran.told("consumer") if told.get("quality") and told["at"] > 1010e9}
     assert bad == {"1002.10001", "1002.30001", "1002.30002"}
+
+
+def answers_between(ran: Run, device: str, from_s: float, to_s: float) -> int:
+    within = [
+        line["answers"][device] for line in ran.told("watch") if from_s <= line["at"] / 1e9 - 1000 <= to_s
+    ]
+    return within[-1] - within[0]
+
+
+def test_a_line_that_is_unplugged_answers_nothing(
+    programs: Path, linesim_program: Path, folder: Path
+) -> None:
+    ran = faulty(folder, Fault(10.0, "unplugged", "2", for_s=15.0))
+    assert answers_between(ran, "2.1", 10.2, 24.8) == 0
+    assert answers_between(ran, "1.1", 10.2, 24.8) > 25
+    assert answers_between(ran, "2.1", 45.0, 58.0) > 20
+    bad = {told["point"] for told in ran.told("consumer") if told.get("quality") and told["at"] > 1010e9}
+    assert len(bad) == 9
+    assert {point[0] for point in bad} == {"2"}
+
+
+def test_a_device_that_is_late_answers_behind_its_time(
+    programs: Path, linesim_program: Path, folder: Path
+) -> None:
+    """It counts as dead: what it says comes to no request."""
+    ran = faulty(folder, Fault(10.0, "late", "1.2", for_s=15.0, late_s=0.8))
+    bad = {told["point"] for told in ran.told("consumer") if told.get("quality") and told["at"] > 1010e9}
+    assert bad == {"1002.10001", "1002.30001", "1002.30002"}
+    assert 0 < answers_between(ran, "1.2", 10.2, 24.8) < 15
 
 
 # ---- the judge sees what is wrong ----------------------------------------------------------------------
@@ -223,9 +264,33 @@ def with_an_end_that_is_bad(lines: Lines) -> None:
 def test_the_judge_sees(first: Run, tmp_path: Path, spoil: Callable[[Lines], None], rule: str) -> None:
     lines = first.told("consumer")
     spoil(lines)
-    (tmp_path / "consumer.out").write_text("".join(json.dumps(line) + "\n" for line in lines))
-    spoiled = Run(first.world, tmp_path, first.real_s, first.code, first.said)
+    spoiled = spoiled_copy(first, tmp_path, "consumer", lines)
     assert rule in {violation.rule for violation in judge(spoiled)}
+
+
+def spoiled_copy(ran: Run, tmp_path: Path, part: str, lines: Lines) -> Run:
+    """Where one part has said something else."""
+    for other in ("consumer", "field", "watch"):
+        shutil.copy(ran.folder / f"{other}.out", tmp_path)
+    (tmp_path / f"{part}.out").write_text("".join(json.dumps(line) + "\n" for line in lines))
+    return Run(ran.world, tmp_path, ran.real_s, ran.code, ran.said)
+
+
+def test_the_judge_sees_a_device_that_is_asked_too_seldom(first: Run, tmp_path: Path) -> None:
+    """Half as often, for a dozen seconds."""
+    lines = first.told("watch")
+    for place in range(20, len(lines)):
+        lines[place]["answers"]["2.1"] -= min(place - 20, 12)
+    assert {violation.rule for violation in judge(spoiled_copy(first, tmp_path, "watch", lines))} == {
+        "period"
+    }
+
+
+def test_the_judge_sees_a_silence_that_nobody_tells(first: Run, tmp_path: Path) -> None:
+    spoiled = spoiled_copy(first, tmp_path, "watch", first.told("watch"))
+    world = replace(first.world, faults=(Fault(20.0, "silent", "1.3", for_s=10.0),))
+    told = [violation for violation in judge(replace(spoiled, world=world)) if violation.rule == "silence"]
+    assert [violation.text.split()[0] for violation in told] == ["1003.10001", "1003.30001", "1003.30002"]
 
 
 # ---- make plant ----------------------------------------------------------------------------------------
@@ -244,7 +309,7 @@ def test_a_story_has_the_faults_that_it_takes(first: Run) -> None:
 
     least = shrunk(World(1, SECONDS, (), faults), {"true"}, attempt)
     assert least.faults == (faults[1], faults[4])
-    assert len(tried) == len(faults)
+    assert [len(world.faults) for world in tried] == [3, 3, 5, 4, 4, 3, 2, 2]
     ran, violations = attempt(least)
     assert story(ran, violations).splitlines() == [
         "  11.000 s: TCP port 1 is cut for 1.000 s",

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from plant_judge import judge
 from plant_run import FAILED, UNUSABLE, Folders
-from plant_world import REPOSITORY, PlantError, run, troubled
+from plant_world import REPOSITORY, PlantError, run, world_of
 
 FAULTS = Path(__file__).with_name("faults")
 BUILD = REPOSITORY / "build" / "plant-faults"
@@ -85,7 +85,7 @@ def look_for(fault: str, most_s: float) -> Found:
     with built_with(fault) as gateway, Folders() as folders:
         begun_s = cpu_s()
         for seed in count(1):
-            ran = run(troubled(seed, SECONDS, FAULT_EVERY_S), folders.next(), traced=False, gateway=gateway)
+            ran = run(world_of(seed, SECONDS, FAULT_EVERY_S), folders.next(), traced=False, gateway=gateway)
             rules = tuple(sorted({violation.rule for violation in judge(ran)}))
             shutil.rmtree(ran.folder)
             spent_s = cpu_s() - begun_s

@@ -10,13 +10,30 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from plant_world import BEGIN_NS, DEVICES, LINES, POINTS, RECOVERY_S, SETTLED_S, Fault, Run
+from plant_world import (
+    BEGIN_NS,
+    CHANGES_FROM_S,
+    DEVICES,
+    LINES,
+    POINTS,
+    PORT,
+    RECOVERY_S,
+    SETTLED_S,
+    Change,
+    Fault,
+    Run,
+)
 
 WALL_NS = 1767225600 * 10**9  # main.c
 S = 10**9
 AGE_S = 3.0
 HELD_S = 5.0
 AFTER_S = 15.0  # what is behind a fault may still be its consequence
+RAREST_S = 65.0  # the longest pause before a probe, and the probe (docs/limit.md)
+PROBED_S = 5.0  # a device that lived for long before is probed so soon after it was dead for as long again
+INVALID_S = 5.0  # from the last answer of a device until its points are told invalid
+WINDOW_S = 10
+ANSWERS_LEAST = 15  # of a device that lives, in each window: two reads a second, and a neighbour's time-outs
 JOURNAL_S = 90.0  # what waits in a gateway without a journal, and is lost with rtud
 SPONTANEOUS = 3
 END_OF_INITIALIZATION = 70  # M_EI_NA_1
@@ -56,6 +73,12 @@ def seconds(time_ns: int) -> float:
     return (time_ns - BEGIN_NS) / S
 
 
+def change_of(at_s: float, command: str) -> Change:
+    """That a device took: the one of the script, when it came to it."""
+    _, device, table, address, value = command.split()
+    return Change(at_s, device, table, int(address), int(value))
+
+
 class History:
     """What the devices held, and what the centre was told."""
 
@@ -73,9 +96,16 @@ class History:
             for unit in range(1, DEVICES + 1)
             for ioa in (10001, *range(30001, 30001 + POINTS))
         }
-        for change in self.run.world.changes:
-            held[change.point].append((change.at_s, change.value))
+        for line in self.run.told("field"):
+            if line["command"].startswith("set "):
+                change = change_of(seconds(line["at"]), line["command"])
+                held[change.point].append((change.at_s, change.value))
         return held
+
+    @cached_property
+    def answers(self) -> list[tuple[float, dict[str, int]]]:
+        """How many requests each device had answered until then."""
+        return [(seconds(line["at"]), line["answers"]) for line in self.run.told("watch")]
 
     @cached_property
     def told(self) -> list[Told]:
@@ -171,17 +201,45 @@ def events_are_in_order(history: History) -> Iterator[Violation]:
             latest = max(latest, event, key=lambda told: told.tag_s or 0)
 
 
+def is_trouble_of(device: str, fault: Fault) -> bool:
+    """It may keep the device from being read. What comes late falls into what others say on the line."""
+    if fault.kind == "cut":
+        return False
+    if fault.kind == "late":
+        return fault.of.split(".")[0] == device.split(".")[0]
+    return fault.of in ("rtu-modbus-1", "rtud", "linesim", device, device.split(".")[0])
+
+
+def is_read_again_s(fault: Fault, troubles: list[Fault]) -> float:
+    """From when on a device must be read as ever, by what docs/limit.md says of its probes."""
+    lived = not any(fault.at_s - RAREST_S < other.end_s and other.at_s < fault.at_s for other in troubles)
+    begins_later_s = AFTER_S if fault.kind in ("kill", "stop") else 0.0
+    return fault.end_s + begins_later_s + (max(AFTER_S, fault.for_s + PROBED_S) if lived else RAREST_S)
+
+
+def troubled_times(device: str, faults: tuple[Fault, ...]) -> list[tuple[float, float]]:
+    """When the device may not be read as it should."""
+    troubles = [fault for fault in faults if is_trouble_of(device, fault)]
+    return [(fault.at_s, is_read_again_s(fault, troubles)) for fault in troubles]
+
+
+def overlaps(times: list[tuple[float, float]], from_s: float, to_s: float) -> bool:
+    return any(begin_s < to_s and from_s < end_s for begin_s, end_s in times)
+
+
+def device_of(point: str) -> str:
+    ca = int(point.split(".")[0])
+    return f"{ca // 1000}.{ca % 1000}"
+
+
 def could_be_lost(point: str, since_s: float, until_s: float, faults: tuple[Fault, ...]) -> bool:
     """The line was not read meanwhile, or the gateway went with what waited in it."""
-    ca = int(point.split(".")[0])
-    device = f"{ca // 1000}.{ca % 1000}"
-    for fault in faults:
-        reads_not = fault.of in ("rtu-modbus-1", device) or (fault.kind, fault.of) == ("stop", "rtud")
-        if reads_not and since_s - AFTER_S - fault.for_s < fault.at_s < until_s:
-            return True
-        if (fault.kind, fault.of) == ("kill", "rtud") and abs(fault.at_s - since_s) < JOURNAL_S:
-            return True
-    return False
+    if overlaps(troubled_times(device_of(point), faults), since_s, until_s):
+        return True
+    return any(
+        (fault.kind, fault.of) == ("kill", "rtud") and abs(fault.at_s - since_s) < JOURNAL_S
+        for fault in faults
+    )
 
 
 def no_event_is_lost(history: History) -> Iterator[Violation]:
@@ -210,12 +268,59 @@ def all_recovers(history: History) -> Iterator[Violation]:
             yield Violation("recovery", history.end_s, text)
 
 
+def periods_are_kept(history: History) -> Iterator[Violation]:
+    """A device that answers is asked as often as it should be, whatever its neighbours do."""
+    samples = history.answers
+    devices = samples[0][1] if samples else {}
+    for device in devices:
+        excused = troubled_times(device, history.faults)
+        for (from_s, before), (to_s, after) in zip(samples, samples[WINDOW_S:], strict=False):
+            count = after[device] - before[device]
+            if from_s < CHANGES_FROM_S or to_s - from_s < WINDOW_S - 1 or overlaps(excused, from_s, to_s):
+                continue
+            if count < ANSWERS_LEAST:
+                text = f"device {device} answered {count} requests from {from_s:.3f} to {to_s:.3f} s"
+                yield Violation("period", to_s, text)
+
+
+def is_disturbed(point: str, others: list[Fault], from_s: float, to_s: float) -> bool:
+    """Something else has to do with the point, or with its way to the centre."""
+    device = device_of(point)
+    if overlaps(troubled_times(device, tuple(others)), from_s, to_s):
+        return True
+    on_its_way = [other for other in others if other.of in ("rtu-iec104", "rtu-centre", f"{PORT}")]
+    return overlaps([(other.at_s, other.end_s + AFTER_S) for other in on_its_way], from_s, to_s)
+
+
+def silence_is_told(history: History) -> Iterator[Violation]:
+    """The points of a device that answers nothing any more are told invalid soon."""
+    for fault in history.faults:
+        until_s = fault.at_s + INVALID_S
+        if fault.kind not in ("silent", "unplugged") or fault.for_s < INVALID_S:
+            continue
+        others = [other for other in history.faults if other is not fault]
+        for point in history.held:
+            events = history.events.get(point, [])
+            if not is_trouble_of(device_of(point), fault) or is_disturbed(point, others, fault.at_s, until_s):
+                continue
+            if not any(not event.good and fault.at_s <= (event.tag_s or 0) <= until_s for event in events):
+                yield Violation("silence", until_s, f"{point} is not told invalid")
+
+
 def nobody_crashes(history: History) -> Iterator[Violation]:
     if history.run.code != 0:
         yield Violation("no crash", history.end_s, history.run.said)
 
 
-RULES = (nobody_crashes, values_are_true, events_are_in_order, no_event_is_lost, all_recovers)
+RULES = (
+    nobody_crashes,
+    values_are_true,
+    events_are_in_order,
+    no_event_is_lost,
+    periods_are_kept,
+    silence_is_told,
+    all_recovers,
+)
 assert SETTLED_S < RECOVERY_S
 
 

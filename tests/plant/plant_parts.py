@@ -22,6 +22,7 @@ ACKNOWLEDGE = struct.Struct("<BBHIQ16x")
 PACKET_MAX = 65536
 PAUSE_S = 0.1
 RESTART_S = 1.0
+WATCH_NS = 10**9
 
 
 def say(**fields: object) -> None:
@@ -88,6 +89,23 @@ def change(path: Path, script: Path) -> None:
             say(command=command, answer=answers.readline().strip())
 
 
+def watch(path: Path) -> None:
+    """How many requests each device has answered, once a second."""
+    due_ns = time.clock_gettime_ns(time.CLOCK_MONOTONIC)
+    with connected(socket.SOCK_STREAM, path) as devices, devices.makefile() as answers:
+        while True:
+            devices.sendall(b"stats\n")
+            lines = json.loads(answers.readline().removeprefix("ok "))
+            counts = {
+                f"{line}.{unit}": counted["answers"]
+                for line, stats in lines.items()
+                for unit, counted in stats["slaves"].items()
+            }
+            say(answers=counts)
+            due_ns += WATCH_NS
+            time.sleep(max(0, due_ns - time.clock_gettime_ns(time.CLOCK_MONOTONIC)) / 1e9)
+
+
 def keep(program: str, *arguments: str) -> None:
     """What the init system of a machine does: starts a program again when it has ended."""
     while True:
@@ -104,5 +122,7 @@ if __name__ == "__main__":
             consume(Path(path))
         case ["change", path, script]:
             change(Path(path), Path(script))
+        case ["watch", path]:
+            watch(Path(path))
         case ["keep", *words]:
             keep(*words)

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from plant_judge import Violation, judge
-from plant_world import RECOVERY_S, PlantError, Run, World, run, troubled
+from plant_world import RECOVERY_S, PlantError, Run, World, run, world_of
 
 LEAST_S = RECOVERY_S + 60
 TOLD_MAX = 10  # violations of a story
@@ -45,13 +45,16 @@ class Folders:
 
 
 def shrunk(world: World, rules: set[str], attempt: Try) -> World:
-    """Without the faults that it does not take: each is left out once, from the last on."""
-    for fault in reversed(world.faults):
-        without = dataclasses.replace(world, faults=tuple(one for one in world.faults if one != fault))
-        ran, violations = attempt(without)
-        shutil.rmtree(ran.folder, ignore_errors=True)
-        if rules & {violation.rule for violation in violations}:
-            world = without
+    """Without the faults that it does not take: halves are left out, then quarters, and at last each once."""
+    size = (len(world.faults) + 1) // 2
+    while size > 0:
+        for first in range(len(world.faults) - size, -1, -size):
+            faults = world.faults[:first] + world.faults[first + size :]
+            ran, violations = attempt(dataclasses.replace(world, faults=faults))
+            shutil.rmtree(ran.folder, ignore_errors=True)
+            if rules & {violation.rule for violation in violations}:
+                world = dataclasses.replace(world, faults=faults)
+        size //= 2
     return world
 
 
@@ -87,7 +90,7 @@ def run_seeds(seeds: Sequence[int], seconds: float, out: Path, keeps: bool) -> i
     begun = time.monotonic()
     with Folders() as folders:
         for seed in seeds:
-            ran, violations = folders.judged(troubled(seed, seconds), traced=keeps)
+            ran, violations = folders.judged(world_of(seed, seconds), traced=keeps)
             if violations:
                 failed += 1
                 fail(ran, violations, folders, out)

@@ -25,6 +25,8 @@ BEGIN_NS = 1000 * 10**9  # main.c
 PORT = 2404
 LINES = 2
 DEVICES = 3  # of a line
+BAUD, SLOW_BAUD = 9600, 2400  # slow: a scan is a dozen requests a second, and not five times as many
+PERIOD_MS = 1000
 POINTS = 2  # of a device, beside its bit
 CHANGES_FROM_S = 5.0
 FAULTS_FROM_S = 10.0
@@ -32,6 +34,13 @@ RECOVERY_S = 60.0  # without a fault, before the end
 SETTLED_S = 10.0  # without a change, before the end
 MODULES = ("rtu-modbus-1", "rtu-iec104", "rtud", "rtu-centre")
 CALLS_MAX = 200
+BAD_S, QUIET_S = 60.0, 120.0
+KILLS_APART_S = 10.0  # two in one instant of the plant would tell the same twice
+LINE_LONGEST_S = 40.0
+LATEST_S = 3.0
+STALLS_MAX = 20
+STALL_LONGEST_S = 3.0
+STALL_CALLS_MAX = 20
 LONGEST_S = {"stop": 20.0, "silent": 20.0, "cut": 40.0}
 
 
@@ -44,10 +53,11 @@ class Fault:
     """What goes wrong, from a time on."""
 
     at_s: float
-    kind: str  # kill, stop, cut: the plant's; silent: a device's
-    of: str  # a process, a port, a device
+    kind: str  # kill, stop, cut: the plant's; silent, late: a device's; unplugged: a line's
+    of: str  # a process, a TCP port, a device, a line
     calls: int = 0
     for_s: float = 0.0
+    late_s: float = 0.0
 
     @property
     def end_s(self) -> float:
@@ -59,6 +69,8 @@ class Fault:
             "stop": f"{self.of} stops for {self.for_s:.3f} s at its call {self.calls}",
             "cut": f"TCP port {self.of} is cut for {self.for_s:.3f} s",
             "silent": f"device {self.of} is silent for {self.for_s:.3f} s",
+            "late": f"device {self.of} answers {self.late_s:.3f} s later for {self.for_s:.3f} s",
+            "unplugged": f"line {self.of} is unplugged for {self.for_s:.3f} s",
         }
         return f"{self.at_s:.3f} s: {what[self.kind]}"
 
@@ -88,18 +100,28 @@ class World:
     seconds: float
     changes: tuple[Change, ...]
     faults: tuple[Fault, ...] = ()
+    scanned: tuple[int, ...] = ()  # lines whose devices are read as often as the line allows
+
+    def baud(self, line: int) -> int:
+        return SLOW_BAUD if line in self.scanned else BAUD
+
+    def slaves(self, line: int) -> list[dict[str, Any]]:
+        registers = [{"address": place} for place in range(POINTS)]
+        period = {} if line in self.scanned else {"period_ms": PERIOD_MS}
+        return [
+            {"id": unit, **period, "discrete_inputs": [{"address": 0}], "input_registers": registers}
+            for unit in range(1, DEVICES + 1)
+        ]
 
     @property
     def gateway(self) -> dict[str, Any]:
-        registers = [{"address": place} for place in range(POINTS)]
-        slaves = [
-            {"id": unit, "period_ms": 1000, "discrete_inputs": [{"address": 0}], "input_registers": registers}
-            for unit in range(1, DEVICES + 1)
-        ]
-        line = {"active": 1, "baud_rate": 9600, "data_bits": 8, "stop_bits": 1, "parity": 0, "slaves": slaves}
+        line = {"active": 1, "data_bits": 8, "stop_bits": 1, "parity": 0}
         return {
             "iec104": {"address": "127.0.0.1", "port": PORT},
-            "port": [{"value": number, **line} for number in range(1, LINES + 1)],
+            "port": [
+                {"value": number, "baud_rate": self.baud(number), **line, "slaves": self.slaves(number)}
+                for number in range(1, LINES + 1)
+            ],
         }
 
     @property
@@ -116,8 +138,14 @@ class World:
             for change in self.changes
         ]
         for fault in self.faults:
-            if fault.kind == "silent":
-                told += [(fault.at_s, f"fault {fault.of} mute"), (fault.end_s, f"fault {fault.of} clear")]
+            match fault.kind:
+                case "silent":
+                    told += [(fault.at_s, f"fault {fault.of} mute"), (fault.end_s, f"fault {fault.of} clear")]
+                case "late":
+                    late = f"fault {fault.of} late {round(fault.late_s * 1000)}"
+                    told += [(fault.at_s, late), (fault.end_s, f"fault {fault.of} clear")]
+                case "unplugged":
+                    told += [(fault.at_s, f"unplug {fault.of}"), (fault.end_s, f"plug {fault.of}")]
         return [
             f"{BEGIN_NS + round(at_s * 1e9)} {command}" for at_s, command in sorted(told, key=itemgetter(0))
         ]
@@ -136,6 +164,7 @@ class World:
             ),
             "centre": (1.0, [*python, "keep", *centre]),
             "consumer": (1.5, [*python, "consume", f"{consumer}"]),
+            "watch": (1.5, [*python, "watch", f"{dev}/control"]),
             "field": (1.5, [*python, "change", f"{dev}/control", f"{folder}/script"]),
         }
         lines = [["end", f"{self.seconds}"]]
@@ -241,6 +270,43 @@ class Field:
         made = (self.fault(at_s) for at_s in self.times(FAULTS_FROM_S, end_s, mean_s))
         return tuple(fault for fault in made if fault.end_s < end_s)
 
+    def stalls(self, at_s: float) -> Iterator[Fault]:
+        """Of a busy host: again and again somebody does not run for a while."""
+        of = self.random.choice(("linesim", "rtu-modbus-1"))
+        for _ in range(self.random.randrange(1, STALLS_MAX)):
+            for_s = round(STALL_LONGEST_S * self.random.random() ** 2, 3)
+            yield Fault(round(at_s, 3), "stop", of, self.random.randrange(STALL_CALLS_MAX), for_s)
+            at_s += for_s + self.random.expovariate(1.0)
+
+    def line_faults(self, at_s: float) -> Iterator[Fault]:
+        """What a line, its devices and the host do to it."""
+        kind = self.random.choice(("silent", "late", "unplugged", "stalls", "kill"))
+        for_s = round(LINE_LONGEST_S * self.random.random() ** 2, 3)
+        late_s = round(LATEST_S * self.random.random() ** 2, 3)
+        match kind:
+            case "stalls":
+                yield from self.stalls(at_s)
+            case "kill":
+                yield Fault(at_s, kind, "rtu-modbus-1", self.random.randrange(CALLS_MAX))
+            case "unplugged":
+                yield Fault(at_s, kind, f"{self.random.randrange(LINES) + 1}", for_s=for_s)
+            case _:
+                yield Fault(at_s, kind, self.device(), for_s=for_s, late_s=late_s if kind == "late" else 0.0)
+
+    def bad_phases(self, mean_s: float) -> tuple[Fault, ...]:
+        """Phases with faults and phases without; none of something that has one, or was just killed."""
+        faults: list[Fault] = []
+        from_s = FAULTS_FROM_S
+        while from_s + BAD_S + QUIET_S < self.seconds:
+            until_s: dict[str, float] = {}
+            for at_s in self.times(from_s, from_s + BAD_S, mean_s):
+                for fault in self.line_faults(at_s):
+                    if fault.end_s < from_s + BAD_S and fault.at_s > until_s.get(fault.of, 0.0):
+                        until_s[fault.of] = fault.end_s + (KILLS_APART_S if fault.kind == "kill" else 0.0)
+                        faults.append(fault)
+            from_s += BAD_S + QUIET_S
+        return tuple(sorted(faults, key=lambda fault: fault.at_s))
+
 
 def calm(seed: int, seconds: float) -> World:
     """Nothing fails."""
@@ -252,3 +318,15 @@ def troubled(seed: int, seconds: float, fault_every_s: float = 30.0) -> World:
     of_seed = Field(random.Random(seed), seconds)
     changes = of_seed.changes(mean_s=1.0)
     return World(seed, seconds, changes, of_seed.faults(fault_every_s))
+
+
+def restless(seed: int, seconds: float, fault_every_s: float = 8.0) -> World:
+    """Devices are silent or late, lines are unplugged, the host is busy; then all is well for some time."""
+    of_seed = Field(random.Random(seed), seconds)
+    changes = of_seed.changes(mean_s=1.0)
+    return World(seed, seconds, changes, of_seed.bad_phases(fault_every_s), scanned=(2,))
+
+
+def world_of(seed: int, seconds: float, fault_every_s: float = 30.0) -> World:
+    """Every third one is about lines."""
+    return troubled(seed, seconds, fault_every_s) if seed % 3 else restless(seed, seconds)
