@@ -143,8 +143,8 @@ async def _made(asked: Asked, order: Json, kind: str, name: str) -> web.StreamRe
     """A file that may be long: by a process of its own. Who was cut off takes the rest of the same one."""
     makers, owner, key = asked.centre.makers, _owner(asked), asked.request.path_qs
     wanted = _range(asked)
-    made = makers.find(owner, key) if wanted else None
-    if made and asked.request.headers.get("If-Range", made.tag) == made.tag:
+    made = makers.find(owner, key, asked.request.headers.get("If-Range")) if wanted else None
+    if made:
         with makers.reading(made):
             await _until(asked, made, whole=True)
             if not made.fault:

@@ -127,10 +127,10 @@ class Makers:
         self._let_go(owner)
         return made
 
-    def find(self, owner: Hashable, key: str) -> Made | None:
-        """The last that was made of it."""
-        found = [made for made in self.of(owner) if made.key == key and made.state != "failed"]
-        return found[-1] if found else None
+    def find(self, owner: Hashable, key: str, tag: str | None = None) -> Made | None:
+        """By its tag; without one, the only one of the key: of several nobody knows which is meant."""
+        found = [made for made in self.of(owner) if made.key == key and tag in (None, made.tag)]
+        return found[0] if len(found) == 1 and found[0].state != "failed" else None
 
     def of(self, owner: Hashable) -> list[Made]:
         return [made for made in self.made.values() if made.owner == owner]

@@ -16,6 +16,8 @@ from openrtu_tools.centre.rollup import MUCH, OF_HISTORY, OF_ROLLUP, PART, SLOT,
 from openrtu_tools.centre.store import Row, Store
 
 RANGES_MOST = 16  # that one question is split into
+NEAR_NS = 86400 * 10**9
+TIME_LEAST = -(2**63)
 
 
 @dataclass
@@ -52,27 +54,43 @@ class Trend:
 
 async def trend(store: Store, point: int, begin: int, end: int, most: int) -> Trend:
     """Exact where it has no more rows than `most` columns. The first one says what held at the begin."""
+    shift = _shift(begin, end, most)
+    if is_long := shift >= PART:  # what is summed up tells sooner that there are too many
+        drawn = await _in_columns(store, point, begin, end, shift)
+        if sum(column.number for column in drawn.columns[1:-1]) > most:
+            return drawn
     rows = await store.read(
         "SELECT at_ns, value, quality FROM history WHERE point = ? AND at_ns BETWEEN ? AND ?"
         " ORDER BY at_ns, id LIMIT ?",
         point, begin, end, most + 1,
     )  # fmt: skip
     if len(rows) > most:
-        return await _in_columns(store, point, begin, end, most)
+        return drawn if is_long else await _in_columns(store, point, begin, end, shift)
     found = [_exact(row["at_ns"], row) for row in rows]
     if held := await _before(store, point, begin):
         found.insert(0, _exact(begin, held, 0))
     return Trend(True, found)
 
 
+def _shift(begin: int, end: int, most: int) -> int:
+    """Columns are slots of a power of two: they begin before the begin, and end behind the end."""
+    shift = 0
+    while (end >> shift) - (begin >> shift) >= most:
+        shift += 1
+    return shift
+
+
 async def _before(store: Store, point: int, at_ns: int) -> Row | None:
-    """What held until then."""
-    rows = await store.read(
-        "SELECT value, quality FROM history WHERE point = ? AND at_ns < ?"
-        " ORDER BY at_ns DESC, id DESC LIMIT 1",
-        point, at_ns,
-    )  # fmt: skip
-    return rows[0] if rows else None
+    """What held until then. Mostly it is near: PostgreSQL plans for few weeks then, and not for all."""
+    for since in (at_ns - NEAR_NS, TIME_LEAST):
+        rows = await store.read(
+            "SELECT value, quality FROM history WHERE point = ? AND at_ns >= ? AND at_ns < ?"
+            " ORDER BY at_ns DESC, id DESC LIMIT 1",
+            point, since, at_ns,
+        )  # fmt: skip
+        if rows:
+            return rows[0]
+    return None
 
 
 def _valid(value: float, quality: int) -> float | None:
@@ -84,11 +102,7 @@ def _exact(at_ns: int, row: Row, number: int = 1) -> Column:
     return Column(at_ns, value, value, value, row["quality"], number)
 
 
-async def _in_columns(store: Store, point: int, begin: int, end: int, most: int) -> Trend:
-    """Columns are slots of a power of two: they begin before the begin, and end behind the end."""
-    shift = 0
-    while (end >> shift) - (begin >> shift) >= most:
-        shift += 1
+async def _in_columns(store: Store, point: int, begin: int, end: int, shift: int) -> Trend:
     first, last = begin >> shift, end >> shift
     before = await _before(store, point, first << shift)
     by_slot: dict[int, Row] = {}

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from aiohttp import web
+from aiohttp.abc import AbstractStreamWriter
 
 from openrtu_tools.centre import peers, users
 from openrtu_tools.centre.centre import Centre
@@ -99,6 +100,34 @@ class Route:
     answer: str = "application/json"
     confirms: bool = False  # who asks says the own password again, as `own_password` of the body
     token: bool = True  # a program may, too
+
+
+class File(web.FileResponse):
+    """A range of it, if If-Range has its very tag; else all of it. aiohttp looks at no tag, and takes a file
+    that is older than a date for the same one."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, headers={"Cache-Control": "no-cache"})
+        self.path = path
+
+    async def prepare(self, request: web.BaseRequest) -> AbstractStreamWriter | None:
+        known = request.headers.get("If-Range")
+        if known is not None:
+            headers = request.headers.copy()
+            del headers["If-Range"]
+            if known != await asyncio.to_thread(_tag, self.path):
+                headers.popall("Range", None)
+            request = request.clone(headers=headers)
+        return await super().prepare(request)
+
+
+def _tag(path: Path) -> str:
+    """As aiohttp has it; what is no file any more has none."""
+    try:
+        found = path.stat()
+    except OSError:
+        return ""
+    return f'"{found.st_mtime_ns:x}-{found.st_size:x}"'
 
 
 class Server:
@@ -309,7 +338,7 @@ class Server:
         path = self.centre.settings.tiles
         if not path or not path.is_file():
             raise web.HTTPNotFound(reason="there is no map of one's own")
-        return web.FileResponse(path, headers={"Cache-Control": "no-cache"})
+        return File(path)
 
     async def file(self, request: web.Request) -> web.StreamResponse:
         """What was built, and nothing else."""
@@ -322,7 +351,7 @@ class Server:
             found = False
         if not found:
             raise web.HTTPNotFound(reason="there is no such file")
-        return web.FileResponse(path, headers={"Cache-Control": "no-cache"})
+        return File(path)
 
 
 def provided(server: Server, settings: Oidc) -> Logins:

@@ -225,6 +225,8 @@ def main() -> int:
                 if server:
                     server.rows("ANALYZE")  # as its own processes do by and by
                 whole, longest = sum_up(store)
+                if server:
+                    server.rows("VACUUM ANALYZE")  # likewise
             size = octets(server, folder) / 2**20
             say(
                 f"{rows} rows in {filled:.0f} s, {size:.0f} MiB; summed up from nothing in {whole:.0f} s,"

@@ -160,14 +160,14 @@ def test_files_are_kept_for_a_time_and_few_of_one(
         for _ in range(makers.KEPT_OF_ONE + 2):
             await made(files, order)
         assert len(files.of("vera")) == makers.KEPT_OF_ONE
-        last = files.find("vera", "events")
-        assert last is files.of("vera")[-1]
-        assert files.find("olga", "events") is None
-        assert last
+        last = files.of("vera")[-1]
+        assert files.find("vera", "events", last.tag) is last
+        assert files.find("vera", "events") is None  # which one, nobody knows
+        assert files.find("olga", "events", last.tag) is None
         monkeypatch.setattr(makers, "KEPT_S", 0)
         with files.reading(last):  # once more, for the last time
             pass
-        while files.find("vera", "events") is last:
+        while files.find("vera", "events", last.tag) is last:
             await asyncio.sleep(0)
         assert last.file and last.file.closed
 
@@ -185,7 +185,7 @@ def test_file_leaves_room_on_the_disk(database: Path | str, monkeypatch: pytest.
         resource.prlimit(pid, resource.RLIMIT_FSIZE, (50_000, 50_000))
         new = files.begin(order, "vera", "events", "events.csv")
         await new.over.wait()
-        assert files.find("vera", "events") is not new
+        assert files.find("vera", "events", new.tag) is None
         return new.fault
 
     assert "no room" in with_makers(database, work)

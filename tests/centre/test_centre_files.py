@@ -3,6 +3,7 @@
 
 import contextlib
 import http.client
+import os
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,6 +21,9 @@ from openrtu_tools.centre.store import Database, EventRow
 S = 10**9
 ROWS = 100_000  # some megabytes
 FILE = f"/api/events?format=csv&from=0&to={ROWS * 1000}"
+GROWING = f"/api/events?format=csv&from={(ROWS - 1000) * 1000}&to={ROWS * 2000}"  # up to what is there later
+OF_CURL = FILE.replace("from=0", "from=-1")
+MAP, MAGIC = "/map/own.pmtiles", b"PMTiles\x03"
 
 
 def seed(database: Database) -> None:
@@ -34,6 +38,7 @@ def site(
     programs: Path, stations: Stations, north: Station, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[Site]:
     folder = tmp_path_factory.mktemp("files")
+    (folder / "map.pmtiles").write_bytes(MAGIC)
     made = Site(programs, folder, [described(north, folder, group="water")])
     with contextlib.closing(open_store(load(made.file).database, alone=True)) as store:
         store.transaction(seed)
@@ -50,10 +55,10 @@ def files(client: Client) -> list[dict[str, Any]]:
     return list(client.get("/api/files"))
 
 
-def cut_off(site: Site, client: Client, octets: int) -> tuple[str, bytes]:
+def cut_off(site: Site, client: Client, octets: int, path: str = FILE) -> tuple[str, bytes]:
     """A reader that takes so many octets and leaves."""
     connection = http.client.HTTPConnection("127.0.0.1", site.port, timeout=60)
-    connection.request("GET", FILE, headers=client.headers)
+    connection.request("GET", path, headers=client.headers)
     response = connection.getresponse()
     begun = response.read(octets)
     tag = response.getheader("ETag") or ""
@@ -90,16 +95,62 @@ def test_another_file_is_whole(site: Site) -> None:
     ):
         response, octets = asked(site.client(who), Range=wanted)
         assert (response.status, octets) == (200, whole), (who, wanted)
+    tag = response.getheader("ETag") or ""
     with pytest.raises(AnswerError) as refused:
-        asked(client, Range=f"bytes={len(whole)}-")
+        asked(client, Range=f"bytes={len(whole)}-", If_Range=tag)
     assert refused.value.status == 416
+
+
+def test_rest_is_of_the_file_that_was_begun(site: Site) -> None:
+    """There are two of one question, and an event more in the second."""
+    client, path = site.client("vera"), GROWING
+    first, begun = cut_off(site, client, 10_000, path)
+    _, rest = asked(client, path, Range="bytes=10000-", If_Range=first)
+    late = EventRow(1, 2 * ROWS * S, 0.25, 0, 2 * ROWS * S, 3, 1)
+    with contextlib.closing(open_store(load(site.file).database, alone=False)) as store:
+        store.transaction(lambda database: database.insert_events([late]))
+    second, _ = cut_off(site, client, 100, path)
+    assert second != first
+    response, again = asked(client, path, Range="bytes=10000-", If_Range=first)
+    assert (response.status, response.getheader("ETag"), again) == (206, first, rest)
+    response, more = asked(client, path, Range="bytes=10000-", If_Range=second)
+    assert (response.status, response.getheader("ETag")) == (206, second)
+    assert len(more) > len(rest)
+    response, whole = asked(client, path, Range="bytes=10000-")  # of which one, nobody knows
+    assert (response.status, whole) == (200, begun + more)
+
+
+def replace(path: Path, octets: bytes, at_ns: int) -> None:
+    new = path.with_suffix(".new")
+    new.write_bytes(octets)
+    os.utime(new, ns=(at_ns, at_ns))
+    new.replace(path)
+
+
+def test_rest_of_a_map_is_of_no_other_one(site: Site) -> None:
+    client, path = site.client("vera"), site.folder / "map.pmtiles"
+    before, after = (MAGIC + word * 100 for word in (b"old ", b"new "))
+    replace(path, before, 1000 * S)
+    response, _ = asked(client, MAP)
+    tag, date = response.getheader("ETag") or "", response.getheader("Last-Modified") or ""
+    response, rest = asked(client, MAP, Range="bytes=10-19", If_Range=tag)
+    assert (response.status, response.getheader("ETag"), rest) == (206, tag, before[10:20])
+    for at_ns in (2000 * S, 500 * S):  # an older one may come back
+        replace(path, after, at_ns)
+        for known in (tag, f"W/{tag}", date, "nonsense", ""):
+            response, whole = asked(client, MAP, Range="bytes=10-19", If_Range=known)
+            assert (response.status, whole) == (200, after), (at_ns, known)
+            assert response.getheader("Content-Range") is None
+        response, rest = asked(client, MAP, Range="bytes=10-19")
+        assert (response.status, rest) == (206, after[10:20])
 
 
 def test_curl_goes_on_where_it_was(site: Site, tmp_path: Path) -> None:
     client = site.client("vera")
     target = tmp_path / "events.csv"
     cookie = client.headers["Cookie"]
-    curl = ["curl", "-sS", "--fail", "-b", cookie, "-o", target, f"http://127.0.0.1:{site.port}{FILE}"]
+    address = f"http://127.0.0.1:{site.port}{OF_CURL}"
+    curl = ["curl", "-sS", "--fail", "-b", cookie, "-o", target, address]
     subprocess.run(curl, check=True, timeout=120)
     whole = target.read_bytes()
     assert whole.count(b"\r\n") == ROWS + 1

@@ -272,6 +272,30 @@ def test_places_are_geometry_where_there_is_postgis(postgresql: Server) -> None:
     assert "Feature Count: 1" in done.stdout
 
 
+def test_years_are_drawn_out_of_an_index(postgresql: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is summed up lies in the order of time, so the slots of a point are all over the table."""
+    slots = range(1000)
+    with contextlib.closing(PostgresStore(postgresql.new_database(), alone=True)) as store:
+        columns = ("point", "shift", "slot", "low", "high", "number", "quality", "last_value", "last_quality")
+        rows = [(point, rollup.SLOT, slot, 0, 1, 2, 0, 1, 0) for slot in slots for point in range(1, 30)]
+        store.transaction(lambda database: database.insert("rollup", columns, rows))
+        postgresql.rows("VACUUM ANALYZE rollup")  # as the server does by and by
+        plans = []
+        read = store.read
+
+        async def explained(sql: str, *values: Any) -> list[Row]:
+            if "FROM rollup" in sql:
+                plans.append("\n".join(row["QUERY PLAN"] for row in await read(f"EXPLAIN {sql}", *values)))
+            return await read(sql, *values)
+
+        monkeypatch.setattr(store, "read", explained)
+        end = (slots.stop << rollup.SLOT) - 1
+        drawn = LOOP.run_until_complete(trends.trend(store, 1, 0, end, 500))
+        assert len(drawn.columns) == 500 and drawn.columns[9].number == 4
+        [plan] = plans
+        assert plan.count("Index Only Scan using rollup_pkey") == 3, plan
+
+
 def test_newer_database_and_no_server(postgresql: Server) -> None:
     address = postgresql.new_database()
     PostgresStore(address, alone=True).close()

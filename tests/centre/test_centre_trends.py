@@ -261,6 +261,32 @@ def test_few_rows_are_told_as_they_are(store: Store) -> None:
     assert asked(store, 2, 0, 30 * S, 10) == Trend(True, [])
 
 
+def test_years_of_much_are_drawn_without_its_rows(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nor are they counted: PostgreSQL would plan for each week of all years."""
+    summed, begin = Rollup(), (END >> SLOT) - 300 << SLOT
+    put(store, summed, [EventRow(1, begin + (n << SLOT - 1), n, 0, 0, 3, 0) for n in range(600)])
+    roll(store, summed, END + DAY)
+    questions = []
+    read = store.read
+
+    async def heard(sql: str, *values: Any) -> list[dict[str, Any]]:
+        questions.append(sql)
+        return await read(sql, *values)
+
+    monkeypatch.setattr(store, "read", heard)
+    found = asked(store, 1, begin, END, 100)
+    assert not found.exact and sum(column.number for column in found.columns) == 600
+    of_rows = [sql for sql in questions if "FROM history" in sql and "LIMIT 1" not in sql]
+    assert questions and not of_rows
+
+
+@pytest.mark.parametrize("before_ns", [S, 500 * DAY], ids=["near", "long"])
+def test_first_column_says_what_held(store: Store, before_ns: int) -> None:
+    put(store, Rollup(), [EventRow(1, END - before_ns, 5, 0, 0, 3, 0)])
+    [column] = asked(store, 1, END, END + DAY, 100).columns
+    assert (column.at_ns, column.last, column.number) == (END, 5, 0)
+
+
 def test_what_is_stored_is_marked_until_it_is_summed_up(store: Store) -> None:
     """By whatever way it came; a second time as well, and a transaction that fails marks nothing."""
     intake = store.transaction(lambda database: Intake(database, {"north": StationSettings("north")}))
