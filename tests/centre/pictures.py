@@ -20,6 +20,12 @@ def take(page: Page, name: str) -> None:
     page.screenshot(path=FIGURES / f"centre-{name}.png")
 
 
+def silence(page: Page) -> None:
+    """Its button lies over the page while the horn sounds."""
+    page.keyboard.press("s")
+    page.locator("#silence").wait_for(state="hidden")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("port", type=int)
@@ -35,9 +41,11 @@ def main() -> None:
         while page.evaluate("openrtuMap.getLayer('marks').implementation.inSight().length") < 9:
             page.wait_for_timeout(100)
         page.wait_for_timeout(SETTLES_MS)
+        silence(page)
         take(page, "map")
         page.keyboard.press("2")
         page.locator(".side .list button", has_text="substation Beograd").click()
+        silence(page)
         page.locator("tr", has_text="feeder10.breaker-command").locator("button.small").click()
         page.locator("dialog .choices button").nth(1).click()
         page.locator("dialog button.main").click()
@@ -47,10 +55,12 @@ def main() -> None:
         page.keyboard.press("Escape")
         page.evaluate("location.hash = 'pictures/substation-bay'")
         page.locator(".drawing #p-qa1[aria-label*=good]").wait_for()
+        silence(page)
         take(page, "bay")
         page.keyboard.press("7")
         page.get_by_role("button", name="Audit").click()
         page.locator("td", has_text="feeder10.breaker-command").first.wait_for()
+        silence(page)
         take(page, "audit")
 
 

@@ -122,7 +122,7 @@ function auditTable(place) {
   const names = h("datalist", { id: "who" });
   const who = h("input", { type: "search", list: "who", placeholder: t("user_name"), "aria-label": t("user_name") });
   const station = choice("station", [["", t("scope_all")]]);
-  const kind = choice("action", [["", t("all_kinds")], ...AUDITED.map((each) => [each, t(each)])]);
+  const kind = choice("action", [["", t("all_alarms")], ...AUDITED.map((each) => [each, t(each)])]);
   const span = choice("time", Object.entries(SPANS).map(([key, days]) => [days, t(key)]));
   const file = h("a", { download: "" }, "CSV");
   span.value = String(SPANS.last_month);
