@@ -88,12 +88,12 @@ static bool is_near(const struct modbus_pause *pause)
 }
 
 /* The next one to try: half way to what is too short, or, now and then, none. */
-static void choose(struct modbus_pause *pause, bool patient, int64_t now_ns)
+static void choose(struct modbus_pause *pause, enum modbus_patience patience, int64_t now_ns)
 {
 	pause->tried_ns = pause->kept_ns;
-	if (!patient)
+	if (patience == MODBUS_IS_KILLED)
 		return;
-	if (!is_near(pause))
+	if (patience == MODBUS_IS_PATIENT && !is_near(pause))
 		pause->tried_ns = later(pause->least_ns, (pause->short_ns + pause->kept_ns) / 2);
 	else if (pause->retry_ns == 0)
 		wait_for_retry(pause, now_ns);
@@ -112,7 +112,7 @@ static void lengthen(struct modbus_pause *pause)
 	keep(pause, earlier(longer_ns, pause->gap_ns));
 }
 
-static void use(struct modbus_pause *pause, bool patient, int64_t now_ns)
+static void use(struct modbus_pause *pause, enum modbus_patience patience, int64_t now_ns)
 {
 	if (pause->vain == 0 && pause->gap_ns <= pause->short_ns) {
 		drop(pause);
@@ -129,17 +129,17 @@ static void use(struct modbus_pause *pause, bool patient, int64_t now_ns)
 	if (!pause->proved)
 		return;
 	pause->failures = 0;
-	choose(pause, patient, now_ns);
+	choose(pause, patience, now_ns);
 }
 
-bool modbus_pause_answered(struct modbus_pause *pause, bool patient, int64_t now_ns)
+bool modbus_pause_answered(struct modbus_pause *pause, enum modbus_patience patience, int64_t now_ns)
 {
 	bool learned = false;
 
 	if (pause->gap_ns == 0)
 		return false;
 	if (is_learned(pause))
-		use(pause, patient, now_ns);
+		use(pause, patience, now_ns);
 	else
 		learned = take_sign(pause);
 	if (learned)
@@ -197,11 +197,11 @@ void modbus_pause_was_late(struct modbus_pause *pause)
 		drop(pause);
 }
 
-int64_t modbus_pause_news(struct modbus_pause *pause, bool patient)
+int64_t modbus_pause_news(struct modbus_pause *pause, enum modbus_patience patience)
 {
 	int64_t away_ns = pause->kept_ns - pause->told_ns;
 
-	if (!is_learned(pause) || !pause->proved || (patient && !is_near(pause)) ||
+	if (!is_learned(pause) || !pause->proved || (patience == MODBUS_IS_PATIENT && !is_near(pause)) ||
 	    (away_ns <= pause->told_ns / NEAR_PART && -away_ns <= pause->told_ns / NEAR_PART))
 		return 0;
 	pause->told_ns = pause->kept_ns;

@@ -5,8 +5,8 @@
  * A device that does not answer so soon, and answers each time when it was left alone for longer, needs a pause; one that
  * answers as soon as it failed to does not. What it answered behind is kept then. If that is answered at once, which it
  * would not be where the request itself was the cause, shorter ones are tried until the shortest is known within a
- * quarter. From time to time none is tried: noise, too, may have been the cause. A command takes part in no try, nor does a
- * device that is dead after one request without an answer.
+ * quarter. From time to time none is tried: noise, too, may have been the cause. A command takes part in no try. Of a device
+ * that is dead after one request without an answer, none is tried when it comes back.
  */
 #ifndef OPENRTU_MODBUS_PAUSE_H
 #define OPENRTU_MODBUS_PAUSE_H
@@ -34,6 +34,13 @@ struct modbus_pause {
 	bool proved;      /* it is answered behind kept_ns, at once */
 };
 
+/* What a request without an answer does to the device. */
+enum modbus_patience {
+	MODBUS_IS_KILLED,  /* by one */
+	MODBUS_IS_REVIVED, /* it was dead until this answer: at most it is again */
+	MODBUS_IS_PATIENT, /* one more or less is nothing */
+};
+
 void modbus_pause_begin(struct modbus_pause *pause, int64_t least_ns);
 /* What a former process had learned. */
 void modbus_pause_take(struct modbus_pause *pause, int64_t learned_ns, int64_t now_ns);
@@ -51,15 +58,15 @@ static inline void modbus_pause_asked(struct modbus_pause *pause, int64_t gap_ns
 }
 
 /*
- * It was answered, or not in time. patient: a request without an answer more or less kills nobody. True: what was learned is
- * new, and another cause is out of question for what was not answered so far.
+ * It was answered, or not in time. True: what was learned is new, and another cause is out of question for what was not
+ * answered so far.
  */
-bool modbus_pause_answered(struct modbus_pause *pause, bool patient, int64_t now_ns);
+bool modbus_pause_answered(struct modbus_pause *pause, enum modbus_patience patience, int64_t now_ns);
 /* True: a shorter pause than it needs is to blame, which was tried. */
 bool modbus_pause_unanswered(struct modbus_pause *pause, int64_t now_ns);
 /* What was not answered comes late: the device has heard it. */
 void modbus_pause_was_late(struct modbus_pause *pause);
 /* What is to be said now, once; 0: nothing. */
-int64_t modbus_pause_news(struct modbus_pause *pause, bool patient);
+int64_t modbus_pause_news(struct modbus_pause *pause, enum modbus_patience patience);
 
 #endif

@@ -187,6 +187,34 @@ static void test_a_pause_that_is_not_needed_any_more_is_forgotten(void **state)
 	assert_int_equal(bus.deaths[0], 0);
 }
 
+static void be_away(void)
+{
+	run_for(20 * SECOND);
+	bus.slaves[0].present = false;
+	run_for(10 * SECOND);
+	bus.slaves[0].present = true;
+	run_for(20 * SECOND);
+	forget_trace();
+}
+
+/* A try would kill it. It is tried when it is back: that costs it a second life at most, and rarely. */
+static void test_a_device_without_retries_is_tried_when_it_is_back(void **state)
+{
+	(void)state;
+	set_up_alone(false, 50 * MS, 0);
+	run_for(20 * SECOND);
+	assert_true(bus.devices[0].pause.kept_ns > 0);
+	bus.deaths[0] = 0;
+	for (unsigned i = 0; i < 16; i++)
+		be_away();
+	assert_true(bus.devices[0].pause.kept_ns > 0);
+	assert_in_range(bus.deaths[0], 16, 16 + 6);
+	bus.slaves[0].pause_ns = 0;
+	for (unsigned i = 0; i < 16; i++)
+		be_away();
+	assert_int_equal(bus.devices[0].pause.kept_ns, 0);
+}
+
 /* Not below what the configuration says, and from there on. */
 static void test_a_pause_is_learned_above_that_of_the_configuration(void **state)
 {
@@ -344,6 +372,7 @@ int main(void)
 	    cmocka_unit_test(test_a_pause_is_learned_on_a_serial_line),
 	    cmocka_unit_test(test_a_pause_is_learned_on_tcp),
 	    cmocka_unit_test(test_a_pause_that_is_not_needed_any_more_is_forgotten),
+	    cmocka_unit_test(test_a_device_without_retries_is_tried_when_it_is_back),
 	    cmocka_unit_test(test_a_pause_is_learned_above_that_of_the_configuration),
 	    cmocka_unit_test(test_noise_is_no_pause),
 	    cmocka_unit_test(test_commands_that_are_lost_are_no_pause),

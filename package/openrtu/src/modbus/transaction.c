@@ -107,15 +107,22 @@ static void forgive_reads(struct modbus_device *device)
 		device->reads[i].failures = 0;
 }
 
+static enum modbus_patience patience_of(const struct modbus_device *device)
+{
+	if (device->retries > 0)
+		return MODBUS_IS_PATIENT;
+	return device->alive ? MODBUS_IS_KILLED : MODBUS_IS_REVIVED;
+}
+
 static void learn_pause(struct modbus_line *line, int64_t now_ns)
 {
 	struct modbus_device *device = &line->devices[line->device];
-	bool patient = device->retries > 0;
+	const enum modbus_patience patience = patience_of(device);
 	int64_t news_ns;
 
-	if (modbus_pause_answered(&device->pause, patient, now_ns))
+	if (modbus_pause_answered(&device->pause, patience, now_ns))
 		forgive_reads(device);
-	news_ns = modbus_pause_news(&device->pause, patient);
+	news_ns = modbus_pause_news(&device->pause, patience);
 	if (news_ns > 0 && line->events->pause != NULL)
 		line->events->pause(line->context, line->device, news_ns, now_ns);
 }
