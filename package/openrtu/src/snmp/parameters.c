@@ -42,6 +42,8 @@ static uint32_t number_of(const struct snmp_agent *agent, uint32_t row)
 	uint32_t hash;
 
 	map_parameters_read(agent->map, point_of(agent, row), &now);
+	if (now.loaded == 0)
+		return 0; /* of most points of most stations: they are compared each second */
 	hash = now.loaded;
 	for (unsigned i = 0; i < sizeof(now.values) / sizeof(now.values[0]); i++)
 		hash = map_hash_word(hash, now.values[i].u);
