@@ -44,6 +44,7 @@ def built(folder: Path, umask: int, **environment: str) -> dict[str, tuple[int, 
     return {file.name: (file.stat().st_mode & 0o777, file.read_text()) for file in files}
 
 
+@pytest.mark.slow  # not for its time: what it builds with is no package of `make test-quick`
 @pytest.mark.parametrize(
     ("umask", "environment"),
     [(0o077, {"TZ": "America/St_Johns"}), (0o002, {"TZ": "Pacific/Apia", "LC_ALL": "C.UTF-8"})],
