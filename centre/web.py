@@ -106,8 +106,8 @@ class File(web.FileResponse):
     """A range of it, if If-Range has its very tag; else all of it. aiohttp looks at no tag, and takes a file
     that is older than a date for the same one."""
 
-    def __init__(self, path: Path) -> None:
-        super().__init__(path, headers={"Cache-Control": "no-cache"})
+    def __init__(self, path: Path, cache: str = "no-cache") -> None:
+        super().__init__(path, headers={"Cache-Control": cache})
         self.path = path
 
     async def prepare(self, request: web.BaseRequest) -> AbstractStreamWriter | None:
@@ -333,12 +333,13 @@ class Server:
     # ---- the page ----------------------------------------------------------------------------
 
     async def tiles(self, request: web.Request) -> web.StreamResponse:
-        """A map of one's own, of which the page asks ranges."""
+        """A map of one's own, of which the page asks ranges. What Chromium stores of one it asks for with
+        If-Range: of another one all of it would come, and the page takes a piece only."""
         await self.session(request)
         path = self.centre.settings.tiles
         if not path or not path.is_file():
             raise web.HTTPNotFound(reason="there is no map of one's own")
-        return File(path)
+        return File(path, "no-store")
 
     async def file(self, request: web.Request) -> web.StreamResponse:
         """What was built, and nothing else."""
