@@ -292,8 +292,7 @@ def test_years_are_drawn_out_of_an_index(postgresql: Server, monkeypatch: pytest
         end = (slots.stop << rollup.SLOT) - 1
         drawn = LOOP.run_until_complete(trends.trend(store, 1, 0, end, 500))
         assert len(drawn.columns) == 500 and drawn.columns[9].number == 4
-        [plan] = plans
-        assert plan.count("Index Only Scan using rollup_pkey") == 3, plan
+        assert [plan.count("Index Only Scan using rollup_pkey") for plan in plans] == [1, 3], plans
 
 
 def test_newer_database_and_no_server(postgresql: Server) -> None:
