@@ -18,13 +18,13 @@ import plant_world
 from lab.gateway import remove, run_directory
 from lab.patience import Deadline
 from plant_faults import FAULTS, look_for, names
-from plant_judge import Violation, judge
+from plant_judge import LINK_UP, Violation, judge
 from plant_run import shrunk, story
 from plant_world import BUILD, Fault, Run, World, calm, restless, troubled
 
 SECONDS = 60.0
 TROUBLED_S = 300.0
-SHORT_S = 140.0  # ten faults of all kinds, and time to recover
+SHORT_S = 140.0  # nine faults of all kinds, and time to recover
 BUSY = 4
 
 
@@ -94,8 +94,8 @@ def test_the_trace_is_in_the_order_of_its_time(first: Run) -> None:
 
 @pytest.mark.slow
 def test_a_world_with_faults_is_one_trace(programs: Path, linesim_program: Path, folder: Path) -> None:
-    world = troubled(5, SHORT_S, fault_every_s=5.0)
-    assert {fault.kind for fault in world.faults} == {"kill", "stop", "silent", "cut"}
+    world = troubled(18, SHORT_S, fault_every_s=5.0)
+    assert {fault.kind for fault in world.faults} == {"kill", "stop", "silent", "cut", "lost", "power"}
     first = run_world(world, folder / "troubled")
     with busy_processes(BUSY):
         assert run_world(world, folder / "troubled-busy").trace == first.trace
@@ -133,7 +133,7 @@ def lines_of(ran: Run, *words: bytes) -> list[bytes]:
 
 
 def faulty(folder: Path, *faults: Fault) -> Run:
-    world = World(1, SECONDS, (), faults)
+    world = World(2, SECONDS, (), faults)  # whose centre interrogates again and again
     return run_world(world, folder / "-".join(f"{fault.kind}-{fault.of}" for fault in faults))
 
 
@@ -164,6 +164,36 @@ def test_nothing_comes_through_a_cut(programs: Path, linesim_program: Path, fold
     at_s = [told["at"] / 1e9 - 1000 for told in ran.told("consumer")]
     assert not [time for time in at_s if 10.0 < time < 15.0]
     assert [time for time in at_s if time > 15.0]
+
+
+def connections(ran: Run) -> list[float]:
+    """When one was made."""
+    up = [told for told in ran.told("consumer") if told.get("state") == LINK_UP]
+    return [told["at"] / 1e9 - 1000 for told in up]
+
+
+def test_a_connection_that_is_lost_is_found_out_by_each_side(
+    programs: Path, linesim_program: Path, folder: Path
+) -> None:
+    """By a frame that is not acknowledged in t1, or by t3 and t1: nobody is told."""
+    ran = faulty(folder, Fault(10.0, "lost", f"{plant_world.PORT}"))
+    first, second = connections(ran)
+    assert first < 10.0 + 15.0 <= second < 10.0 + 20.0 + 15.0 + 2.0
+    assert not [told for told in ran.told("consumer") if 10.0 < told["at"] / 1e9 - 1000 < second - 1.0]
+    assert judge(ran) == []
+
+
+def test_a_centre_that_lost_power_comes_while_its_old_connection_is_there(
+    programs: Path, linesim_program: Path, folder: Path
+) -> None:
+    ran = faulty(folder, Fault(10.0, "power", f"{plant_world.PORT}"))
+    _, second = connections(ran)
+    assert second < 15.0
+    log = (ran.folder / "gateway.log").read_text()
+    ended = [line for line in log.splitlines() if "rtu-iec104" in line and "connection ends" in line]
+    assert len(ended) == 1
+    assert ended[0] > "2026-01-01T00:00:15"
+    assert judge(ran) == []
 
 
 def test_points_of_a_silent_device_are_invalid(programs: Path, linesim_program: Path, folder: Path) -> None:
@@ -455,6 +485,7 @@ def test_a_crash_is_told(programs: Path, tmp_path: Path) -> None:
         ("begin\t5\n", "begin: unknown word"),
         ("end\t5\nstart\tx\t0\n", "start: expected a name, a time, two files and a program"),
         ("kill\trtud\t1\n", "expected a number"),
+        ("lose\t2404\n", "expected a time in seconds"),
     ],
 )
 def test_a_world_that_is_none(programs: Path, tmp_path: Path, world: str, said: str) -> None:

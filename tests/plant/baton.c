@@ -169,6 +169,17 @@ bool plant_is_cut(const struct plant *plant, uint16_t port)
 	return false;
 }
 
+bool plant_is_lost(const struct plant *plant, uint16_t port, int64_t since_ns)
+{
+	for (uint32_t i = 0; i < plant->loss_count; i++) {
+		const struct plant_loss *loss = &plant->losses[i];
+
+		if (loss->port == port && since_ns < loss->at_ns && loss->at_ns <= plant->now_ns)
+			return true;
+	}
+	return false;
+}
+
 /* From its time on, the calls of whoever has that name count; those of its next life anew. */
 static bool is_due(struct plant_fault *fault, const struct plant_process *caller)
 {

@@ -72,6 +72,7 @@ void epoll_forget(int fd);
 /* A connection that waits for the end of a cut is tried again; no octet passes while it is cut. */
 short network_events(int fd, short wanted, short found);
 bool network_is_cut(int fd);
+bool network_is_lost(int fd); /* for ever: what is written goes nowhere */
 void network_forget(int fd);
 
 /* ---- descriptors: files.c */

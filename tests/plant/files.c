@@ -156,6 +156,11 @@ ssize_t __read_chk(int fd, void *out, size_t size, size_t room)
 	return read(fd, out, size);
 }
 
+static ssize_t give(int fd, const void *octets, size_t size)
+{
+	return network_is_lost(fd) ? (ssize_t)size : real.write(fd, octets, size);
+}
+
 ssize_t write(int fd, const void *octets, size_t size)
 {
 	enum fd_kind kind;
@@ -167,7 +172,7 @@ ssize_t write(int fd, const void *octets, size_t size)
 	client_call();
 	if (wait_blocking(fd, POLLOUT) < 0)
 		return -1;
-	return gave("write", fd, kind, octets, real.write(fd, octets, size));
+	return gave("write", fd, kind, octets, give(fd, octets, size));
 }
 
 ssize_t recvfrom(int fd, void *restrict out, size_t size, int flags, struct sockaddr *restrict address,
@@ -204,7 +209,8 @@ ssize_t sendto(int fd, const void *octets, size_t size, int flags, const struct 
 	if (!(flags & MSG_DONTWAIT) && wait_blocking(fd, POLLOUT) < 0)
 		return -1;
 	return gave("send", fd, FD_SOCKET, octets,
-		    real.sendto(fd, octets, size, flags, address, address_size));
+		    network_is_lost(fd) ? (ssize_t)size
+					: real.sendto(fd, octets, size, flags, address, address_size));
 }
 
 ssize_t send(int fd, const void *octets, size_t size, int flags)

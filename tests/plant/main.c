@@ -43,6 +43,7 @@ static const char help[] =
     "  kill     NAME TIME CALLS          at its call number CALLS from TIME on, if it makes it within 10 s\n"
     "  stop     NAME TIME CALLS FOR      it does not run for that long\n"
     "  cut      PORT TIME TO             no octet passes the TCP port\n"
+    "  lose     PORT TIME                nothing of its connections arrives any more; new ones can be made\n"
     "\n"
     "Exit codes: 0 the end came, 1 a process ended by a fault of its own, or all are "
     "stuck, 2 wrong usage or file.\n";
@@ -118,6 +119,14 @@ static void add_fault(enum plant_fault_kind kind, char *words[], size_t count)
 	plant->fault_count++;
 }
 
+static void add_loss(char *words[])
+{
+	if (plant->loss_count == PLANT_LOSSES)
+		give_up(WRONG_USAGE, words[0], "too many losses");
+	plant->losses[plant->loss_count++] =
+	    (struct plant_loss){.port = (uint16_t)number_of(words[1]), .at_ns = BEGIN_NS + ns_of(words[2])};
+}
+
 static int by_time(const void *one, const void *other)
 {
 	const int64_t from_ns = ((const struct plant_fault *)one)->from_ns;
@@ -144,6 +153,8 @@ static void take_line(char *line)
 		add_fault(PLANT_STOP, words, count);
 	else if (strcmp(words[0], "cut") == 0)
 		add_fault(PLANT_CUT, words, count);
+	else if (strcmp(words[0], "lose") == 0)
+		add_loss(words);
 	else
 		give_up(WRONG_USAGE, words[0], "unknown word");
 }

@@ -22,6 +22,7 @@ enum link_state { LINK_UNKNOWN, LINK_NONE, LINK_KNOWN };
 static struct link {
 	enum link_state state;
 	uint16_t own, peer;
+	int64_t since_ns;
 	uint16_t waits_for; /* a connection that is begun when the cut is over */
 	int error;
 	bool of_ipv6;
@@ -79,16 +80,33 @@ static void look(int fd, struct link *link)
 	link->state = link->own || link->peer ? LINK_KNOWN : LINK_NONE;
 }
 
-bool network_is_cut(int fd)
+/* NULL: it is none of the plant's TCP. */
+static const struct link *known_link(int fd)
 {
 	struct link *link = link_of(fd);
 
-	if (plant->fault_count == 0 || fd < 0)
-		return false;
+	if (fd < 0)
+		return NULL;
 	if (link->state == LINK_UNKNOWN)
 		look(fd, link);
-	return link->state == LINK_KNOWN &&
-	       (plant_is_cut(plant, link->own) || plant_is_cut(plant, link->peer));
+	return link->state == LINK_KNOWN ? link : NULL;
+}
+
+bool network_is_lost(int fd)
+{
+	const struct link *link = plant->loss_count > 0 ? known_link(fd) : NULL;
+
+	return link && link->peer &&
+	       (plant_is_lost(plant, link->own, link->since_ns) ||
+		plant_is_lost(plant, link->peer, link->since_ns));
+}
+
+bool network_is_cut(int fd)
+{
+	const struct link *link = plant->fault_count > 0 ? known_link(fd) : NULL;
+
+	return (link && (plant_is_cut(plant, link->own) || plant_is_cut(plant, link->peer))) ||
+	       network_is_lost(fd);
 }
 
 static uint16_t port_of(const struct sockaddr *address)
@@ -146,6 +164,7 @@ static int connect_port(int fd, uint16_t port)
 	const socklen_t size = put_name(&name, port);
 
 	link_of(fd)->state = LINK_UNKNOWN;
+	link_of(fd)->since_ns = plant->now_ns;
 	return real.connect(fd, (struct sockaddr *)&name, size);
 }
 
@@ -242,6 +261,7 @@ int accept4(int fd, struct sockaddr *restrict address, socklen_t *restrict size,
 	result = port ? real.accept4(fd, NULL, NULL, flags) : real.accept4(fd, address, size, flags);
 	error = errno;
 	if (result >= 0 && port) {
+		link_of(result)->since_ns = plant->now_ns;
 		link_of(result)->of_ipv6 = link_of(fd)->of_ipv6;
 		put_address(link_of(result), port_by(real.getpeername, result), address, size);
 	}

@@ -102,6 +102,18 @@ class History:
                 held[change.point].append((change.at_s, change.value))
         return held
 
+    def dead_times(self, device: str) -> list[tuple[float, float]]:
+        """When its points are told as not good."""
+        line, unit = device.split(".")
+        dead, since_s = [], None
+        for event in self.events.get(f"{int(line) * 1000 + int(unit)}.30001", []):
+            if not event.good and since_s is None:
+                since_s = event.tag_s
+            elif event.good and since_s is not None:
+                dead.append((since_s, event.tag_s or 0.0))
+                since_s = None
+        return dead if since_s is None else [*dead, (since_s, self.end_s)]
+
     @cached_property
     def answers(self) -> list[tuple[float, dict[str, int]]]:
         """How many requests each device had answered until then."""
@@ -176,9 +188,9 @@ def values_are_true(history: History) -> Iterator[Violation]:
 
 
 def is_told_twice(event: Told, before: Told) -> bool:
-    """Within a connection."""
+    """Within a connection. A module may be lost twice in a millisecond: silent, and then killed."""
     what = (event.session, event.tag_s, event.value, event.good)
-    return what == (before.session, before.tag_s, before.value, before.good)
+    return event.good and what == (before.session, before.tag_s, before.value, before.good)
 
 
 def tells_the_same(event: Told, other: Told) -> bool:
@@ -203,7 +215,7 @@ def events_are_in_order(history: History) -> Iterator[Violation]:
 
 def is_trouble_of(device: str, fault: Fault) -> bool:
     """It may keep the device from being read. What comes late falls into what others say on the line."""
-    if fault.kind == "cut":
+    if fault.kind in ("cut", "lost", "power"):
         return False
     if fault.kind == "late":
         return fault.of.split(".")[0] == device.split(".")[0]
@@ -225,6 +237,15 @@ def troubled_times(device: str, faults: tuple[Fault, ...]) -> list[tuple[float, 
 
 def overlaps(times: list[tuple[float, float]], from_s: float, to_s: float) -> bool:
     return any(begin_s < to_s and from_s < end_s for begin_s, end_s in times)
+
+
+def direct_times(device: str, faults: tuple[Fault, ...]) -> list[tuple[float, float]]:
+    """When a device that answers may be read too seldom."""
+    return [
+        (fault.at_s, fault.end_s + (AFTER_S if fault.kind in ("kill", "stop") else PROBED_S))
+        for fault in faults
+        if is_trouble_of(device, fault)
+    ]
 
 
 def device_of(point: str) -> str:
@@ -269,16 +290,18 @@ def all_recovers(history: History) -> Iterator[Violation]:
 
 
 def periods_are_kept(history: History) -> Iterator[Violation]:
-    """A device that answers is asked as often as it should be, whatever its neighbours do."""
+    """A device is asked as often as it should be, whatever its neighbours do, and soon after its trouble."""
     samples = history.answers
     devices = samples[0][1] if samples else {}
     for device in devices:
-        excused = troubled_times(device, history.faults)
+        direct, troubled = direct_times(device, history.faults), troubled_times(device, history.faults)
+        dead = history.dead_times(device)
         for (from_s, before), (to_s, after) in zip(samples, samples[WINDOW_S:], strict=False):
             count = after[device] - before[device]
-            if from_s < CHANGES_FROM_S or to_s - from_s < WINDOW_S - 1 or overlaps(excused, from_s, to_s):
+            if count >= ANSWERS_LEAST or from_s < CHANGES_FROM_S or to_s - from_s < WINDOW_S - 1:
                 continue
-            if count < ANSWERS_LEAST:
+            may_be_dead = overlaps(troubled, from_s, to_s) and overlaps(dead, from_s, to_s)
+            if not may_be_dead and not overlaps(direct, from_s, to_s):
                 text = f"device {device} answered {count} requests from {from_s:.3f} to {to_s:.3f} s"
                 yield Violation("period", to_s, text)
 

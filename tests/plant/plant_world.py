@@ -34,7 +34,8 @@ RECOVERY_S = 60.0  # without a fault, before the end
 SETTLED_S = 10.0  # without a change, before the end
 MODULES = ("rtu-modbus-1", "rtu-iec104", "rtud", "rtu-centre")
 CALLS_MAX = 200
-BAD_S, QUIET_S = 60.0, 120.0
+LOST_ONE_OF = 3  # cuts
+BAD_S, QUIET_S = 60.0, 80.0
 KILLS_APART_S = 10.0  # two in one instant of the plant would tell the same twice
 LINE_LONGEST_S = 40.0
 LATEST_S = 3.0
@@ -53,7 +54,7 @@ class Fault:
     """What goes wrong, from a time on."""
 
     at_s: float
-    kind: str  # kill, stop, cut: the plant's; silent, late: a device's; unplugged: a line's
+    kind: str  # kill, stop, cut, lost, power: the plant's; silent, late: a device's; unplugged: a line's
     of: str  # a process, a TCP port, a device, a line
     calls: int = 0
     for_s: float = 0.0
@@ -68,6 +69,8 @@ class Fault:
             "kill": f"{self.of} is killed at its call {self.calls}",
             "stop": f"{self.of} stops for {self.for_s:.3f} s at its call {self.calls}",
             "cut": f"TCP port {self.of} is cut for {self.for_s:.3f} s",
+            "lost": f"connections to TCP port {self.of} are lost, and nobody is told",
+            "power": f"the centre at TCP port {self.of} loses power, and nobody is told",
             "silent": f"device {self.of} is silent for {self.for_s:.3f} s",
             "late": f"device {self.of} answers {self.late_s:.3f} s later for {self.for_s:.3f} s",
             "unplugged": f"line {self.of} is unplugged for {self.for_s:.3f} s",
@@ -128,7 +131,8 @@ class World:
     def centre(self) -> dict[str, Any]:
         addresses = [line * 1000 + unit for line in range(1, LINES + 1) for unit in range(1, DEVICES + 1)]
         station = {"name": "rtu", "address": "127.0.0.1", "port": PORT, "common_addresses": addresses}
-        return {"stations": [{**station, "interrogation_s": 20}], "retry_ms": 500, "retry_max_ms": 2000}
+        period_s = 0 if self.seed % 2 else 20  # 0: what was missed once no later interrogation brings
+        return {"stations": [{**station, "interrogation_s": period_s}], "retry_ms": 500, "retry_max_ms": 2000}
 
     @property
     def script(self) -> list[str]:
@@ -178,6 +182,11 @@ class World:
                     lines.append(["stop", fault.of, f"{fault.at_s}", f"{fault.calls}", f"{fault.for_s}"])
                 case "cut":
                     lines.append(["cut", fault.of, f"{fault.at_s}", f"{fault.end_s}"])
+                case "lost":
+                    lines.append(["lose", fault.of, f"{fault.at_s}"])
+                case "power":
+                    lines.append(["lose", fault.of, f"{fault.at_s}"])
+                    lines.append(["kill", "rtu-centre", f"{fault.at_s}", "0"])
         return ["\t".join(line) for line in lines]
 
 
@@ -260,6 +269,8 @@ class Field:
         match kind:
             case "silent":
                 return Fault(at_s, kind, self.device(), for_s=for_s)
+            case "cut" if calls % LOST_ONE_OF == 0:
+                return Fault(at_s, "power" if calls % 2 else "lost", f"{PORT}")
             case "cut":
                 return Fault(at_s, kind, f"{PORT}", for_s=for_s)
             case _:

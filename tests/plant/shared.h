@@ -10,6 +10,7 @@
 
 #define PLANT_PROCESSES 64
 #define PLANT_FAULTS    4096
+#define PLANT_LOSSES    256
 #define PLANT_NAMES     64
 #define PLANT_DYING     PLANT_PROCESSES
 #define PLANT_NAME_SIZE 24
@@ -57,6 +58,12 @@ struct plant_fault {
 	int64_t for_ns;
 };
 
+/* Nothing of a connection of this port that was made before arrives any more, its end neither: each side has to find out. */
+struct plant_loss {
+	uint16_t port;
+	int64_t at_ns;
+};
+
 struct plant_name {
 	char name[PLANT_NAME_SIZE];
 	uint32_t lives;
@@ -80,6 +87,8 @@ struct plant {
 	uint32_t fault_count;
 	uint32_t fault_first; /* those before it, by time, are over */
 	struct plant_fault faults[PLANT_FAULTS];
+	uint32_t loss_count;
+	struct plant_loss losses[PLANT_LOSSES];
 	struct plant_name names[PLANT_NAMES];
 	uint32_t dying_count;
 	int32_t dying[PLANT_DYING]; /* have left the baton, and may still have descriptors */
@@ -116,6 +125,9 @@ __attribute__((format(printf, 3, 4))) void plant_tell(struct plant *plant, uint3
 
 /* No octet passes this port now. */
 bool plant_is_cut(const struct plant *plant, uint16_t port);
+
+/* What was connected to this port then is lost by now. */
+bool plant_is_lost(const struct plant *plant, uint16_t port, int64_t since_ns);
 
 /* What the process' call is: dies or stops there, if a fault says so. */
 const struct plant_fault *plant_fault_at(struct plant *plant, uint32_t process);
