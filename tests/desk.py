@@ -187,7 +187,7 @@ def desk_of(config: dict[str, Any], build: Path) -> Iterator[Desk]:
 
 def everything_read(gateway: Gateway) -> bool:
     """All points are valid, but those behind a broadcast address."""
-    return all(point["quality"] != "invalid" for point in gateway.points().values() if not point["broadcast"])
+    return all(point["quality"] != "invalid" for point in gateway.points().values() if not point["never_read"])
 
 
 def processor_seconds(pid: int) -> float:

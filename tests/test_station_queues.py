@@ -260,7 +260,7 @@ def test_reconnection_at_once_finds_its_queue(substation: Substation) -> None:
 def test_group_has_events_from_before_its_first_connection(substation: Substation) -> None:
     """The first value of every point was an event. Without a group, events begin with STARTDT."""
     gateway = substation.gateway
-    points = {(p["ca"], p["ioa"]) for p in gateway.points().values() if not p["broadcast"]}
+    points = {(p["ca"], p["ioa"]) for p in gateway.points().values() if not p["never_read"]}
     with Link(gateway, new_source("127.0.0.1")).start() as stranger:
         assert stranger.is_quiet()
     seen: set[tuple[int, int]] = set()

@@ -675,7 +675,7 @@ def all_read(gateway: Rtu) -> bool:
     return all(
         point["quality"] != "invalid"
         for name, point in gateway.points().items()
-        if not point["broadcast"] and name != ORDER
+        if not point["never_read"] and name != ORDER
     )
 
 

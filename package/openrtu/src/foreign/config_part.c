@@ -93,7 +93,8 @@ struct list {
 
 static bool has_value(const struct map_config *config, const struct map_point *point)
 {
-	return !config->sets[point->set].never_read;
+	(void)config;
+	return (point->flags & MAP_POINT_NEVER_READ) == 0;
 }
 
 static bool takes_commands(const struct map_config *config, const struct map_point *point)

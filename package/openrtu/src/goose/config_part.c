@@ -295,7 +295,7 @@ static void add_member(struct config_loader *loader, const struct config_place *
 
 	if (point == MAP_NONE)
 		config_error(&loader->report, place, "is the name of no point");
-	else if (loader->config->sets[loader->config->points[point].set].never_read)
+	else if (loader->config->points[point].flags & MAP_POINT_NEVER_READ)
 		config_error(&loader->report, place, "\"%s\" takes commands and has no value", name);
 	else
 		own->members[own->member_count++] = point;

@@ -21,7 +21,7 @@ static bool is_asked(const struct iec104_station *station, uint32_t point)
 	struct map_module owner;
 	struct map_sample sample;
 
-	if (iec104_device(station, point)->never_read)
+	if (station->config->points[point].flags & MAP_POINT_NEVER_READ)
 		return true;
 	map_module(station->map, map_owner(station->map, point), &owner);
 	return map_read(station->map, point, &sample) && sample.time_ns != 0 &&

@@ -51,8 +51,9 @@ enum map_point_flag {
 	 * longitude (angles), altitude (m). Its own value are the kind of fix in bits 0 to 3, the satellites in bits 4 to 7.
 	 */
 	MAP_POINT_POSITION = 1u << 3,
-	MAP_POINT_RETAIN = 1u << 4, /* its value and quality outlive the process of its owner */
-	MAP_POINT_LIMITS = 1u << 5, /* it has some (map/limits.h) */
+	MAP_POINT_RETAIN = 1u << 4,     /* its value and quality outlive the process of its owner */
+	MAP_POINT_LIMITS = 1u << 5,     /* it has some (map/limits.h) */
+	MAP_POINT_NEVER_READ = 1u << 6, /* it takes commands, and has no value */
 };
 
 /*
@@ -66,7 +67,6 @@ struct map_set {
 	uint32_t point_count;
 	char name[MAP_NAME_SIZE];
 	char prefix[MAP_PREFIX_SIZE]; /* of the names of points that have none: map_label */
-	bool never_read;              /* its points take commands, and have no values */
 	uint32_t latch;               /* place among its owner's sets; set by map_create */
 };
 

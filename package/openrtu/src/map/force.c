@@ -31,7 +31,7 @@ const char *map_unforceable(const struct map_config *config, uint32_t point)
 		return "is a counter, of which no protocol could tell that it is forced";
 	if (object->flags & MAP_POINT_NO_QUALITY)
 		return "is sent without quality, so nobody could tell that it is forced";
-	if (config->sets[object->set].never_read)
+	if (object->flags & MAP_POINT_NEVER_READ)
 		return "takes commands and has no value";
 	if (is_of_a_position(config, point))
 		return "is a part of a position, which is sent as a whole";

@@ -8,6 +8,7 @@
 
 #include "map/config.h"
 #include "modbus/format.h"
+#include "modbus/frame.h"
 
 #define MODBUS_PATH_SIZE 64 /* a serial device's path */
 
@@ -177,6 +178,14 @@ static inline uint32_t modbus_slave_count(const struct map_config *config)
 static inline bool modbus_is_tcp(const struct modbus_port *port)
 {
 	return port->tcp_port != 0;
+}
+
+/* All devices of its line hear what it is told, and none answers. */
+static inline bool modbus_is_broadcast(const struct map_config *config, uint32_t slave)
+{
+	const struct modbus_slave *is = &modbus_slaves(config)[slave];
+
+	return is->unit == MODBUS_BROADCAST && !modbus_is_tcp(&modbus_ports(config)[is->port]);
 }
 
 /* A bit, or two neighbours, of a register. */

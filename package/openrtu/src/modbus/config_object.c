@@ -155,12 +155,12 @@ static void check_read_key(struct modbus_loader *loader, const struct config_pla
 {
 	const struct config_place here = modbus_object_key(object, key);
 
-	if (loader->config->sets[loader->config->set_count - 1].never_read)
+	if (modbus_is_broadcast(loader->config, loader->config->set_count - 1))
 		config_error(loader->report, &here,
 			     "has no meaning for slave 0: the broadcast address is never read");
 }
 
-static uint8_t point_flags(const struct config_value *values, enum modbus_table table)
+static uint8_t point_flags(const struct config_value *values, enum modbus_table table, bool broadcast)
 {
 	unsigned flags = 0;
 
@@ -170,6 +170,8 @@ static uint8_t point_flags(const struct config_value *values, enum modbus_table 
 		flags |= MAP_POINT_COMMAND;
 	if (!values[OBJECT_QUALITY].integer)
 		flags |= MAP_POINT_NO_QUALITY;
+	if (broadcast)
+		flags |= MAP_POINT_NEVER_READ;
 	return (uint8_t)flags;
 }
 
@@ -193,13 +195,13 @@ static uint8_t wire_flags(const struct config_value *values)
 }
 
 static struct map_point object_point(const struct config_value *values, enum map_type type,
-				     enum modbus_table table)
+				     enum modbus_table table, bool broadcast)
 {
 	uint16_t address = (uint16_t)values[OBJECT_ADDRESS].integer;
 
 	return (struct map_point){
 	    .type = (uint8_t)type,
-	    .flags = point_flags(values, table),
+	    .flags = point_flags(values, table, broadcast),
 	    .ioa =
 		values[OBJECT_IOA].given ? (uint32_t)values[OBJECT_IOA].integer : first_ioa[table] + address,
 	    .group = (uint8_t)values[OBJECT_GROUP].integer,
@@ -307,9 +309,11 @@ static void add_entry(struct modbus_loader *loader, const struct config_place *p
 		      const struct config_value *values, enum map_type type, enum modbus_table table,
 		      struct modbus_entry entry)
 {
-	entry.point = object_point(values, type, table);
+	const uint32_t set = loader->config->set_count - 1;
+
+	entry.point = object_point(values, type, table, modbus_is_broadcast(loader->config, set));
 	entry.wire = object_wire(values, type, table);
-	entry.point.set = (uint16_t)(loader->config->set_count - 1);
+	entry.point.set = (uint16_t)set;
 	if (values[OBJECT_UNIT].given)
 		config_keep_unit(loader->config, &entry.point, values[OBJECT_UNIT].text);
 	entry.ln = values[OBJECT_LN].given ? values[OBJECT_LN].text : NULL;

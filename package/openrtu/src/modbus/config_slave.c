@@ -6,7 +6,6 @@
 #include <string.h>
 
 #define DESCRIPTION_MAX 63 /* octets: as the report's program takes it */
-#define UNIT_BROADCAST  0
 /* MODBUS Messaging on TCP/IP Implementation Guide V1.0b, 4.4.1.2: who is at the connection's end itself. */
 #define UNIT_ITSELF 255
 #define CA_PER_PORT 1000
@@ -122,7 +121,7 @@ static const struct config_rule slave_rules[SLAVE_KEYS] = {
 	 CONFIG_SAYS(
 	     "Put before each name that an object of the slave has, and before the names of status bits.",
 	     .pattern = "^[^\\u0000-\\u0020\\u007f*?\\[\\]\\\\]*$")},
-    [SLAVE_ID] = {"id", CONFIG_INTEGER, .required = true, .low = UNIT_BROADCAST, .high = MODBUS_UNIT_MAX,
+    [SLAVE_ID] = {"id", CONFIG_INTEGER, .required = true, .low = MODBUS_BROADCAST, .high = MODBUS_UNIT_MAX,
 		  CONFIG_SAYS("Modbus address, once on a line. 0 is the broadcast: coils and "
 			      "holding_registers only, written and never read.")},
     [SLAVE_TEMPLATE] = {MODBUS_KEY_TEMPLATE, CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1,
@@ -290,7 +289,6 @@ static void add_device(struct modbus_loader *loader, const struct config_place *
 	    .ca = values[SLAVE_CA].given ? (uint16_t)values[SLAVE_CA].integer
 					 : (uint16_t)(CA_PER_PORT * port->port + unit),
 	    .first_point = config->point_count,
-	    .never_read = unit == UNIT_BROADCAST && !modbus_is_tcp(port),
 	};
 	*slave = (struct modbus_slave){
 	    .port = (uint16_t)(modbus_port_count(config) - 1),
@@ -468,7 +466,7 @@ static void read_slave(struct modbus_loader *loader, const struct config_place *
 	if (values[SLAVE_ID].given) {
 		check_unit(loader, place, values[SLAVE_ID].integer);
 		claim_unit(loader, place, values[SLAVE_ID].integer, slave_of);
-		if (values[SLAVE_ID].integer == UNIT_BROADCAST && !modbus_is_tcp(line))
+		if (values[SLAVE_ID].integer == MODBUS_BROADCAST && !modbus_is_tcp(line))
 			check_broadcast(loader, place, values);
 	}
 	if (values[SLAVE_OVERRIDES].given && (template != NULL || !values[SLAVE_TEMPLATE].given))

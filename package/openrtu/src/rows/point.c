@@ -51,7 +51,7 @@ json_t *rows_point(const struct map *map, uint32_t index)
 	json_object_set_new(row, "owner", rows_module_name(map, map_owner(map, index)));
 	json_object_set_new(row, "ca", json_integer(set->ca));
 	json_object_set_new(row, "ioa", json_integer(point->ioa));
-	json_object_set_new(row, "broadcast", json_boolean(set->never_read));
+	json_object_set_new(row, "never_read", json_boolean(point->flags & MAP_POINT_NEVER_READ));
 	json_object_set_new(row, "forced", rows_force_of_point(map, index));
 	return row;
 }

@@ -118,8 +118,7 @@ static bool same_set(const struct map_config *a, const struct map_set *set, cons
 		     const struct map_set *other)
 {
 	if (set->ca != other->ca || set->point_count != other->point_count ||
-	    set->never_read != other->never_read || strcmp(set->name, other->name) != 0 ||
-	    strcmp(set->prefix, other->prefix) != 0)
+	    strcmp(set->name, other->name) != 0 || strcmp(set->prefix, other->prefix) != 0)
 		return false;
 	for (uint32_t i = 0; i < set->point_count; i++)
 		if (!same_point(&a->points[set->first_point + i], &b->points[other->first_point + i]) ||

@@ -112,7 +112,7 @@ static const char *steps_of(const struct row *row)
 
 static const char *direction_of(const struct row *row)
 {
-	if (row->set->never_read)
+	if (row->point->flags & MAP_POINT_NEVER_READ)
 		return "control";
 	return command_of(row)[0] != '\0' ? "both" : "monitor";
 }

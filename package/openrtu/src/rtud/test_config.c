@@ -367,7 +367,7 @@ static void test_unit_0_of_a_connection_is_no_broadcast(void **state)
 
 	(void)state;
 	assert_int_equal(modbus_slaves(&config)[0].unit, 0);
-	assert_false(config.sets[0].never_read);
+	assert_false(config.points[0].flags & MAP_POINT_NEVER_READ);
 	assert_string_equal(config.sets[0].prefix, "p7.0");
 	config_free(&config);
 }

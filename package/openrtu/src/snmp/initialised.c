@@ -50,7 +50,7 @@ static bool is_asked(const struct snmp_agent *agent, uint32_t point)
 	struct map_module owner;
 	struct map_sample sample;
 
-	if (agent->config->sets[agent->config->points[point].set].never_read)
+	if (agent->config->points[point].flags & MAP_POINT_NEVER_READ)
 		return true;
 	map_module(agent->map, map_owner(agent->map, point), &owner);
 	return map_read(agent->map, point, &sample) && sample.time_ns != 0 &&

@@ -22,7 +22,7 @@ static uint8_t unit_of(const struct commands *commands, uint32_t point)
 
 static bool is_broadcast(const struct commands *commands, uint32_t point)
 {
-	return map_config(commands->map)->sets[point_of(commands, point)->set].never_read;
+	return modbus_is_broadcast(map_config(commands->map), point_of(commands, point)->set);
 }
 
 static struct commands_progress *find(const struct commands *commands, uint32_t point)

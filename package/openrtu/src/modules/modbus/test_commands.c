@@ -24,6 +24,7 @@ static int8_t exponents[POINTS];
 static struct commands commands;
 static int64_t now;
 static struct modbus_point wire[POINTS];
+static struct modbus_port port;
 static struct modbus_slave slaves[] = {{.unit = 1}, {.unit = 1}};
 
 static bool take_write(void *context, uint32_t point, const struct modbus_request *request,
@@ -72,6 +73,7 @@ static int start_stage(void **state)
 	points[REGISTER].flags = MAP_POINT_COMMAND;
 	wire[REGISTER].format = MODBUS_FORMAT_INT16;
 	map_add_section(&stage->config, MODBUS_POINTS, sizeof(wire[0]), POINTS, wire);
+	map_add_section(&stage->config, MODBUS_PORTS, sizeof(port), 1, &port);
 	map_add_section(&stage->config, MODBUS_SLAVES, sizeof(slaves[0]), 2, slaves);
 	make_again(stage);
 	write_count = 0;
@@ -213,7 +215,7 @@ static void test_a_broadcast_is_sent_and_unanswered(void **state)
 {
 	struct stage *stage = *state;
 
-	stage->rtud->config.sets[stage->points[REGISTER].set].never_read = true;
+	modbus_slaves(&stage->rtud->config)[stage->points[REGISTER].set].unit = MODBUS_BROADCAST;
 	command(REGISTER, 7, 0);
 	expect(MAP_EXECUTING, MAP_RESULT_NONE);
 	device_answers(REGISTER, MODBUS_DONE);

@@ -136,7 +136,7 @@ bool list_is_bad(const struct map *map, uint32_t point)
 	const struct map_config *config = map_config(map);
 	struct map_sample sample;
 
-	if (config->sets[config->points[point].set].never_read) /* of a broadcast, which nobody answers */
+	if (config->points[point].flags & MAP_POINT_NEVER_READ)
 		return false;
 	return !map_read(map, point, &sample) || sample.quality != MAP_GOOD;
 }
