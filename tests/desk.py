@@ -186,8 +186,9 @@ def desk_of(config: dict[str, Any], build: Path) -> Iterator[Desk]:
 
 
 def everything_read(gateway: Gateway) -> bool:
-    """All points are valid, but those behind a broadcast address."""
-    return all(point["quality"] != "invalid" for point in gateway.points().values() if not point["never_read"])
+    """All points that are read are valid."""
+    read = [point for point in gateway.points().values() if not point["never_read"]]
+    return all(point["quality"] != "invalid" for point in read)
 
 
 def processor_seconds(pid: int) -> float:

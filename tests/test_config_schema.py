@@ -148,6 +148,11 @@ COMPANIONS: dict[str, dict[str, Any]] = {
     "module_point.short_pulse_ms": {"command": True, "type": "single"},
     "module_point.long_pulse_ms": {"command": True, "type": "single"},
     "second_address": {"type": "double"},
+    **{
+        f"{table}.{key}": {"write_address": 40}
+        for table in ("discrete_input", "input_register", "register_bits")
+        for key in ("select", "read_back", "short_pulse_ms", "long_pulse_ms", "step", "min", "max")
+    },
     "quality": {"type": "normalized"},
     "step": {"type": "float", "min": -2, "max": 2},
     "min": {"step": 1, "max": 1e31},

@@ -30,7 +30,8 @@ PEERS = [*MAKES, *(f"{make}-tcp" for make in MAKES)]
 
 PATIENCE_MS = 1500  # a device of Python on a busy host is not dead
 MISSING = FIRST_ADDRESS - 1  # configured in every table, and no address of the devices
-MISSING_POINTS = {f"{letter}{MISSING}" for letter in "cdih"}  # the names of these points behind the device's
+WRITE_ONLY = 30  # a holding register that is never read
+NEVER_GOOD = {f"h{WRITE_ONLY}", *(f"{letter}{MISSING}" for letter in "cdih")}  # names behind the device's
 MANY_BITS = range(2000, 4000)  # MODBUS Application Protocol V1.1b3, 6.2: 2000 in one request
 MANY_REGISTERS = range(1000, 1125)  # 6.4: 125
 DOUBLE_STATES = {(0, 0): "INTERMEDIATE", (1, 0): "OFF", (0, 1): "ON", (1, 1): "INDETERMINATE"}
@@ -47,6 +48,7 @@ OBJECTS: dict[str, list[dict[str, Any]]] = {
         {"address": 17},
         {"address": 18, "type": "double"},
         {"address": 20, "type": "double", "bit_order": "on_off"},
+        {"address": 22, "write_address": 40},
         *({"address": address, "type": "double"} for address in MANY_BITS[::2]),
         {"address": 65535, "ioa": 165536},
     ],
@@ -62,6 +64,7 @@ OBJECTS: dict[str, list[dict[str, Any]]] = {
         {"address": 27, "type": "float", "word_order": "little", "byte_order": "little"},
         {"address": 29, "type": "counter"},
         {"address": 31, "type": "bitstring"},
+        {"address": 33, "type": "float", "write_address": 40},
         *({"address": address} for address in MANY_REGISTERS),
         {"address": 65534, "type": "float", "ioa": 365535},
     ],
@@ -69,6 +72,7 @@ OBJECTS: dict[str, list[dict[str, Any]]] = {
         {"address": MISSING},
         {"address": 16},
         {"address": 17, "type": "float"},
+        {"address": WRITE_ONLY, "write_only": True},
         {"address": 65535, "ioa": 465536},
     ],
 }
@@ -104,7 +108,7 @@ class Peer:
 
     def wait_until_read(self) -> None:
         self.gateway.wait_for(
-            lambda: self.invalid() == MISSING_POINTS, 60.0, f"what the device of CA {self.ca} has is read"
+            lambda: self.invalid() == NEVER_GOOD, 60.0, f"what the device of CA {self.ca} has is read"
         )
 
     def interrogate(self) -> dict[int, Report]:
@@ -217,7 +221,7 @@ def test_2000_bits_and_125_registers_come_in_one_answer(peer: Peer) -> None:
 
 @pytest.mark.parametrize(
     ("function", "first", "count"),
-    [(1, MISSING, 4), (2, MISSING, 7), (3, MISSING, 4), (4, MISSING, 18)],
+    [(1, MISSING, 4), (2, MISSING, 8), (3, MISSING, 4), (4, MISSING, 20)],
 )
 def test_refused_read_is_taken_apart(peer: Peer, function: int, first: int, count: int) -> None:
     """The whole was asked for, and refused; now the object that the device lacks is asked for alone."""
@@ -229,9 +233,10 @@ def test_refused_read_is_taken_apart(peer: Peer, function: int, first: int, coun
 
 
 def test_missing_objects_are_invalid_and_their_neighbours_good(peer: Peer) -> None:
-    assert peer.invalid() == MISSING_POINTS
+    assert peer.invalid() == NEVER_GOOD
     invalid = {ioa for ioa, report in peer.interrogate().items() if not report.good}
-    assert invalid == {1 + MISSING, 10001 + MISSING, 30001 + MISSING, 40001 + MISSING}
+    missing = {1 + MISSING, 10001 + MISSING, 30001 + MISSING, 40001 + MISSING}
+    assert invalid == missing | {40001 + WRITE_ONLY}
 
 
 # ---- commands -------------------------------------------------------------------------------------------
@@ -253,6 +258,12 @@ COMMANDS = [  # name, IOA, type, value, request, table, address, values
     ("FC 6", 40017, "C_SE_NB_1", scaled(-2), "06 0010 fffe", "holding_registers", 16, [0xFFFE]),
     ("FC 6 at 65535", 465536, "C_SE_NB_1", scaled(255), "06 ffff 00ff", "holding_registers", 65535, [255]),
     ("FC 16", 40018, "C_SE_NC_1", SHORT, "10 0011 0002 04 bfc00000", "holding_registers", 17, [0xBFC0, 0]),
+    ("coil of an input", 10023, "C_SC_NA_1", ON, "05 0028 ff00", "coils", 40, [1]),
+    (
+        "holding registers of input registers",
+        *(30034, "C_SE_NC_1", SHORT, "10 0028 0002 04 bfc00000", "holding_registers", 40, [0xBFC0, 0]),
+    ),
+    ("write only", 40001 + WRITE_ONLY, "C_SE_NB_1", scaled(7), "06 001e 0007", "holding_registers", 30, [7]),
 ]
 
 
@@ -310,7 +321,7 @@ def test_device_without_power_is_invalid_until_it_has_it_again(peer: Peer, peers
             other.device.set("holding_registers", 16, [4321])
             assert other.wait_report(40017, 4321, since).good
             other.device.set("holding_registers", 16, [0])
-            assert other.invalid() == MISSING_POINTS
+            assert other.invalid() == NEVER_GOOD
     finally:
         since = peer.master.mark()
         peer.device.start()

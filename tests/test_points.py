@@ -284,6 +284,10 @@ def test_included_json_that_is_none_says_where(programs: Path, tmp_path: Path) -
             {"id": 0, "holding_registers": [{"address": 0, "scale_register": 1}]},
             "scale_register: has no meaning for slave 0: the broadcast address is never read",
         ),
+        (
+            {"id": 0, "holding_registers": [{"address": 0, "write_address": 1}]},
+            "write_address: has no meaning for slave 0: the broadcast address is never read",
+        ),
     ],
 )
 def test_slaves_of_a_template_that_are_wrong(
@@ -336,6 +340,11 @@ def test_slaves_of_a_template_that_are_wrong(
         ({"type": "counter", "format": "bcd32", "scale": 2}, "scale: has no meaning for a counter"),
         ({"format": "bcd16", "unimplemented": True}, "unimplemented: has no meaning for format bcd16"),
         ({"format": "uint48", "address": 65534, "ioa": 1}, "which covers three addresses, expected 0"),
+        ({"write_address": 65535, "type": "float"}, "write_address: 65535 is out of range for type float"),
+        ({"write_only": True, "write_address": 5}, "write_address: has no meaning beside write_only"),
+        ({"write_only": True, "period_ms": 500}, "period_ms: has no meaning beside write_only"),
+        ({"write_only": True, "step": 1, "min": 0, "max": 9}, "step: has no meaning beside write_only"),
+        ({"write_only": True, "read_back": False}, "read_back: has no meaning beside write_only"),
     ],
 )
 def test_values_that_do_not_go_together(
@@ -343,6 +352,23 @@ def test_values_that_do_not_go_together(
 ) -> None:
     registers = [{"address": 0, **keys}]
     file = write(tmp_path / "gateway.json", plant_of({"id": 1, "holding_registers": registers}))
+    result = rtud(programs, "--check", file)
+    assert result.returncode == 1
+    assert message in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"select": True}, "select: has no meaning for input_registers: they cannot be commanded"),
+        ({"write_only": True}, "write_only: has no meaning for input_registers, which cannot be written"),
+        ({"write_address": 9, "write_only": False}, "write_only: has no meaning for input_registers"),
+        ({"write_address": 9, "scale_table": [[0, 0], [1, 1], [2, 0]]}, "must rise all the way"),
+    ],
+)
+def test_what_is_only_read(programs: Path, tmp_path: Path, keys: dict[str, Any], message: str) -> None:
+    registers = [{"address": 0, **keys}]
+    file = write(tmp_path / "gateway.json", plant_of({"id": 1, "input_registers": registers}))
     result = rtud(programs, "--check", file)
     assert result.returncode == 1
     assert message in result.stderr

@@ -114,6 +114,23 @@ static int get_extent(json_t *object, const char *path, long *first, long *last,
 	return 0;
 }
 
+/* Where its commands go, if not to where it is read. */
+static int load_written(struct slave *slave, enum slave_table table, json_t *object, const char *path,
+			char *error)
+{
+	const enum slave_table written = slave_table_has_bits(table) ? SLAVE_COILS : SLAVE_HOLDING_REGISTERS;
+	const long cells = width(object);
+	long address;
+
+	if (!json_object_get(object, "write_address"))
+		return 0;
+	if (get_integer(object, path, "write_address", 0, SLAVE_TABLE_CELLS - cells, &address, error))
+		return -1;
+	for (long i = 0; i < cells; i++)
+		slave->table[written].exists[address + i] = true;
+	return 0;
+}
+
 static int load_table(struct slave *slave, enum slave_table table, json_t *objects, const char *slave_path,
 		      char *error)
 {
@@ -126,7 +143,8 @@ static int load_table(struct slave *slave, enum slave_table table, json_t *objec
 		long first, last;
 
 		snprintf(path, sizeof path, "%s.%s[%zu]", slave_path, slave_table_name(table), index);
-		if (get_extent(object, path, &first, &last, error))
+		if (get_extent(object, path, &first, &last, error) ||
+		    load_written(slave, table, object, path, error))
 			return -1;
 		for (long i = first; i <= last; i++)
 			slave->table[table].exists[i] = true;

@@ -35,19 +35,13 @@ void modbus_drop_old_commands(struct modbus_line *line, int64_t now_ns)
 	}
 }
 
-static uint8_t function_that_reads(uint8_t write_function)
-{
-	return modbus_is_bit_function(write_function) ? MODBUS_READ_COILS : MODBUS_READ_HOLDING_REGISTERS;
-}
-
-static void mark_urgent(struct modbus_device *device, const struct modbus_request *written)
+static void mark_urgent(struct modbus_device *device, const struct modbus_command *command)
 {
 	for (uint32_t i = 0; i < device->read_count; i++) {
 		struct modbus_read *read = &device->reads[i];
 
-		if (read->function == function_that_reads(written->function) &&
-		    written->address >= read->address &&
-		    written->address < (uint32_t)read->address + read->count)
+		if (read->function == command->read_function && command->read_address >= read->address &&
+		    command->read_address < (uint32_t)read->address + read->count)
 			read->urgent = true;
 	}
 }
@@ -60,11 +54,11 @@ static void read_back(struct modbus_line *line, const struct modbus_command *com
 {
 	line->urgent = true;
 	if (!line->devices[command->device].broadcast) {
-		mark_urgent(&line->devices[command->device], &command->request);
+		mark_urgent(&line->devices[command->device], command);
 		return;
 	}
 	for (uint32_t i = 0; i < line->device_count; i++)
-		mark_urgent(&line->devices[i], &command->request);
+		mark_urgent(&line->devices[i], command);
 }
 
 /* ---- functions that write the same ------------------------------------------------------------------- */
@@ -145,7 +139,7 @@ bool modbus_turn_command(struct modbus_line *line, int64_t now_ns)
 
 void modbus_end_command(struct modbus_line *line, enum modbus_result result, uint8_t exception)
 {
-	if (result == MODBUS_DONE && !line->command.no_read_back)
+	if (result == MODBUS_DONE && line->command.read_function != 0)
 		read_back(line, &line->command);
 	line->events->command(line->context, &line->command, result, exception);
 }

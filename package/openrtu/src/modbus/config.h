@@ -17,7 +17,7 @@
 #define MODBUS_SLAVES   MAP_SECTION_ID('M', 'B', 'S', 'L')
 #define MODBUS_POINTS   MAP_SECTION_ID('M', 'B', 'P', 'T')
 #define MODBUS_KNOTS    MAP_SECTION_ID('M', 'B', 'K', 'N')
-#define MODBUS_JUDGES   MAP_SECTION_ID('M', 'B', 'J', 'U')
+#define MODBUS_EXTRAS   MAP_SECTION_ID('M', 'B', 'E', 'X')
 
 #define MODBUS_KNOTS_MAX UINT16_MAX /* of all scaling tables */
 
@@ -85,6 +85,7 @@ enum modbus_point_flag {
 	MODBUS_NO_READ_BACK = 1u << 4,   /* what was written is not read ahead of its turn, nor waited for */
 	MODBUS_UNIMPLEMENTED = 1u << 5,  /* an integer's extreme value says that there is none (SunSpec) */
 	MODBUS_SCALE_REGISTER = 1u << 6, /* another register holds the power of ten of its raw value */
+	MODBUS_WRITTEN_ELSEWHERE = 1u << 7, /* commands go to another address than the one that is read */
 };
 
 /* What a status bit of the device, while it is ON, makes of a point's quality. */
@@ -101,9 +102,11 @@ struct modbus_knot {
 	double value;
 };
 
-/* The status bits that say something of a point; by enum modbus_status: 1 + place among the slave's points, 0: none. */
-struct modbus_judges {
+/* What few points have. */
+struct modbus_extra {
+	/* The status bits that say something of it; by enum modbus_status: 1 + place among the slave's points, 0: none. */
 	uint16_t status[MODBUS_STATUS_BITS];
+	uint16_t write_address; /* MODBUS_WRITTEN_ELSEWHERE */
 };
 
 #define MODBUS_PERIOD_MAX_MS 0x7FFFFFFu /* that a point has room for; a day is less */
@@ -122,9 +125,8 @@ struct modbus_point {
 	uint32_t bit : 4;    /* of bits of a register: the number of the first, 0 is the least significant */
 	uint32_t field : 4;  /* of a number in some bits of a register: how many, 0: it has whole registers */
 	uint16_t first_knot; /* of that table, place among the configuration's knots */
-	uint16_t
-	    judges;   /* 1 + place among the configuration's judges, 0: no status bit says anything of it */
-	double scale; /* engineering = raw * scale + offset; 1, 0 where the file says nothing */
+	uint16_t extra;      /* 1 + place among the configuration's extras, 0: it has none */
+	double scale;        /* engineering = raw * scale + offset; 1, 0 where the file says nothing */
 	double offset;
 };
 
@@ -133,16 +135,36 @@ static inline struct modbus_point *modbus_points(const struct map_config *config
 	return map_records(config, MODBUS_POINTS, sizeof(struct modbus_point));
 }
 
-/* The status bits of a point; NULL: none. */
-static inline const struct modbus_judges *modbus_judges_of(const struct map_config *config,
-							   const struct modbus_point *point)
+/* NULL: it has none. */
+static inline const struct modbus_extra *modbus_extra_of(const struct map_config *config,
+							 const struct modbus_point *point)
 {
-	const struct modbus_judges *judges;
+	const struct modbus_extra *extras;
 
-	if (point->judges == 0)
+	if (point->extra == 0)
 		return NULL;
-	judges = map_records(config, MODBUS_JUDGES, sizeof(*judges));
-	return &judges[point->judges - 1];
+	extras = map_records(config, MODBUS_EXTRAS, sizeof(*extras));
+	return &extras[point->extra - 1];
+}
+
+/* The table that is written where commands go elsewhere: that of the same size. */
+static inline enum modbus_table modbus_written_table(enum modbus_table table)
+{
+	return table <= MODBUS_DISCRETE_INPUTS ? MODBUS_COILS : MODBUS_HOLDING_REGISTERS;
+}
+
+/* The point as its commands have it: the same bits or registers, where they are written. */
+static inline struct modbus_point modbus_written(const struct map_config *config,
+						 const struct modbus_point *point)
+{
+	struct modbus_point written = *point;
+
+	if (!(point->flags & MODBUS_WRITTEN_ELSEWHERE))
+		return written;
+	written.table = modbus_written_table((enum modbus_table)point->table) & 3u;
+	written.address = modbus_extra_of(config, point)->write_address;
+	written.second_address = (uint16_t)(written.address + 1);
+	return written;
 }
 
 static inline struct modbus_knot *modbus_knots(const struct map_config *config)

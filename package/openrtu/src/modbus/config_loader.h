@@ -38,6 +38,7 @@ struct modbus_entry {
 	const char *prefix;                     /* of all names, and of names of status bits */
 	uint32_t ioa_offset;
 	uint16_t ca;
+	uint16_t write_address; /* MODBUS_WRITTEN_ELSEWHERE */
 	char name[MAP_NAME_SIZE];
 	uint32_t period_ms;                     /* the slave's, for objects without one */
 	bool read_back;                         /* the same */
@@ -104,10 +105,10 @@ void modbus_check_collisions(struct modbus_loader *loader);
 const struct config_place *modbus_entry_place(const struct modbus_entry *entry,
 					      struct config_place links[MODBUS_ENTRY_LINKS]);
 
-/* ---- config_status.c --------------------------------------------------------------------- */
+/* ---- config_extras.c --------------------------------------------------------------------- */
 
-/* Fills in the status bits of the entries' points. The entries are in their final order. */
-void modbus_resolve_status(struct modbus_loader *loader);
+/* Fills in what few of the entries' points have. The entries are in their final order. */
+void modbus_resolve_extras(struct modbus_loader *loader);
 
 /* ---- config_periods.c -------------------------------------------------------------------- */
 

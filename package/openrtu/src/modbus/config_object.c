@@ -50,6 +50,14 @@ static const bool is_command_key[OBJECT_KEYS] = {
     [OBJECT_SELECT] = true, [OBJECT_SHORT_PULSE] = true, [OBJECT_LONG_PULSE] = true, [OBJECT_STEP] = true,
     [OBJECT_MIN] = true,    [OBJECT_MAX] = true,         [OBJECT_READ_BACK] = true,
 };
+/* Of what is read, or of where else than there commands go. */
+static const bool is_reading_key[OBJECT_KEYS] = {
+    [OBJECT_SCALE_REGISTER] = true, [OBJECT_UNIMPLEMENTED] = true,  [OBJECT_DEADBAND] = true,
+    [OBJECT_CYCLIC] = true,         [OBJECT_BACKGROUND] = true,     [OBJECT_COUNTER_GROUP] = true,
+    [OBJECT_FREEZE] = true,         [OBJECT_STEP] = true,           [OBJECT_BLOCKED_BY] = true,
+    [OBJECT_SUBSTITUTED_BY] = true, [OBJECT_NOT_TOPICAL_BY] = true, [OBJECT_PERIOD] = true,
+    [OBJECT_READ_BACK] = true,      [OBJECT_WRITE_ADDRESS] = true,
+};
 
 static enum map_type object_type(const struct config_value *values, enum modbus_table table)
 {
@@ -81,19 +89,35 @@ static void check_meaning(struct modbus_loader *loader, const struct config_plac
 		if (values[key].given && object_key_types[key] != 0 && !(object_key_types[key] & BIT(type)))
 			config_error(loader->report, &here, "has no meaning for type %s",
 				     modbus_type_names[type]);
-		if (values[key].given && is_command_key[key] && !modbus_is_writable(table))
+		if (values[key].given && is_command_key[key] && !modbus_takes_commands(values, table))
 			config_error(loader->report, &here, "has no meaning for %s: they cannot be commanded",
 				     modbus_table_names[table]);
 	}
 }
 
-static void check_extent(struct modbus_loader *loader, const struct config_place *object,
-			 const struct config_value *values, enum map_type type, uint8_t width)
+/* What is never read has nothing to say, and needs no second address. */
+static void check_write_only(struct modbus_loader *loader, const struct config_place *object,
+			     const struct config_value *values, enum modbus_table table)
 {
-	const struct config_place here =
-	    modbus_object_key(object, values[OBJECT_REGISTER].given ? OBJECT_REGISTER : OBJECT_ADDRESS);
+	const struct config_place write_only = modbus_object_key(object, OBJECT_WRITE_ONLY);
+
+	if (values[OBJECT_WRITE_ONLY].given && !modbus_is_writable(table))
+		config_error(loader->report, &write_only, "has no meaning for %s, which cannot be written",
+			     modbus_table_names[table]);
+	for (unsigned key = 0; values[OBJECT_WRITE_ONLY].integer && key < OBJECT_KEYS; key++) {
+		const struct config_place here = modbus_object_key(object, key);
+
+		if (values[key].given && is_reading_key[key])
+			config_error(loader->report, &here, "has no meaning beside write_only");
+	}
+}
+
+/* key: that of the address of its first bit or register */
+static void check_extent(struct modbus_loader *loader, const struct config_place *object, unsigned key,
+			 int64_t address, enum map_type type, uint8_t width)
+{
+	const struct config_place here = modbus_object_key(object, key);
 	static const char *const counts[] = {"no", "one", "two", "three", "four"};
-	int64_t address = values[OBJECT_ADDRESS].integer;
 
 	if (address + width - 1 > MODBUS_ADDRESS_LAST)
 		config_error(loader->report, &here,
@@ -160,17 +184,17 @@ static void check_read_key(struct modbus_loader *loader, const struct config_pla
 			     "has no meaning for slave 0: the broadcast address is never read");
 }
 
-static uint8_t point_flags(const struct config_value *values, enum modbus_table table, bool broadcast)
+static uint8_t point_flags(const struct config_value *values, enum modbus_table table, bool never_read)
 {
 	unsigned flags = 0;
 
 	if (values[OBJECT_SELECT].integer)
 		flags |= MAP_POINT_SELECT;
-	if (modbus_is_writable(table))
+	if (modbus_takes_commands(values, table))
 		flags |= MAP_POINT_COMMAND;
 	if (!values[OBJECT_QUALITY].integer)
 		flags |= MAP_POINT_NO_QUALITY;
-	if (broadcast)
+	if (never_read)
 		flags |= MAP_POINT_NEVER_READ;
 	return (uint8_t)flags;
 }
@@ -185,6 +209,8 @@ static uint8_t wire_flags(const struct config_value *values)
 		flags |= MODBUS_UNIMPLEMENTED;
 	if (values[OBJECT_SCALE_REGISTER].given)
 		flags |= MODBUS_SCALE_REGISTER;
+	if (values[OBJECT_WRITE_ADDRESS].given)
+		flags |= MODBUS_WRITTEN_ELSEWHERE;
 	if (values[OBJECT_WORD_ORDER].integer)
 		flags |= MODBUS_WORDS_SWAPPED;
 	if (values[OBJECT_BYTE_ORDER].integer)
@@ -195,13 +221,13 @@ static uint8_t wire_flags(const struct config_value *values)
 }
 
 static struct map_point object_point(const struct config_value *values, enum map_type type,
-				     enum modbus_table table, bool broadcast)
+				     enum modbus_table table, bool never_read)
 {
 	uint16_t address = (uint16_t)values[OBJECT_ADDRESS].integer;
 
 	return (struct map_point){
 	    .type = (uint8_t)type,
-	    .flags = point_flags(values, table, broadcast),
+	    .flags = point_flags(values, table, never_read),
 	    .ioa =
 		values[OBJECT_IOA].given ? (uint32_t)values[OBJECT_IOA].integer : first_ioa[table] + address,
 	    .group = (uint8_t)values[OBJECT_GROUP].integer,
@@ -280,7 +306,9 @@ static void check_object(struct modbus_loader *loader, const struct config_place
 			 const struct config_value *values, enum map_type type, enum modbus_table table)
 {
 	const struct config_place name = modbus_object_key(place, OBJECT_NAME);
+	const uint8_t width = modbus_object_width(type, modbus_object_format(values, type), table);
 
+	check_write_only(loader, place, values, table);
 	if (!values[OBJECT_TYPE].wrong) {
 		check_type(loader, place, type, table, values[OBJECT_BIT].given);
 		check_meaning(loader, place, values, type, table);
@@ -292,8 +320,11 @@ static void check_object(struct modbus_loader *loader, const struct config_place
 		check_second_address(loader, place, values[OBJECT_ADDRESS].integer,
 				     values[OBJECT_SECOND].integer);
 	else if (!values[OBJECT_TYPE].wrong && !values[OBJECT_ADDRESS].wrong)
-		check_extent(loader, place, values, type,
-			     modbus_object_width(type, modbus_object_format(values, type), table));
+		check_extent(loader, place, values[OBJECT_REGISTER].given ? OBJECT_REGISTER : OBJECT_ADDRESS,
+			     values[OBJECT_ADDRESS].integer, type, width);
+	if (values[OBJECT_WRITE_ADDRESS].given && !values[OBJECT_TYPE].wrong)
+		check_extent(loader, place, OBJECT_WRITE_ADDRESS, values[OBJECT_WRITE_ADDRESS].integer, type,
+			     width);
 	if (!values[OBJECT_IOA].given && !values[OBJECT_IOA].wrong && !values[OBJECT_ADDRESS].wrong &&
 	    !values[OBJECT_BIT].given && !values[OBJECT_BITS].given)
 		modbus_check_scheme(loader, place, values, table);
@@ -303,6 +334,8 @@ static void check_object(struct modbus_loader *loader, const struct config_place
 		check_read_key(loader, place, OBJECT_PERIOD);
 	if (values[OBJECT_SCALE_REGISTER].given)
 		check_read_key(loader, place, OBJECT_SCALE_REGISTER);
+	if (values[OBJECT_WRITE_ADDRESS].given)
+		check_read_key(loader, place, OBJECT_WRITE_ADDRESS);
 }
 
 static void add_entry(struct modbus_loader *loader, const struct config_place *place,
@@ -311,7 +344,10 @@ static void add_entry(struct modbus_loader *loader, const struct config_place *p
 {
 	const uint32_t set = loader->config->set_count - 1;
 
-	entry.point = object_point(values, type, table, modbus_is_broadcast(loader->config, set));
+	entry.point =
+	    object_point(values, type, table,
+			 values[OBJECT_WRITE_ONLY].integer || modbus_is_broadcast(loader->config, set));
+	entry.write_address = (uint16_t)values[OBJECT_WRITE_ADDRESS].integer;
 	entry.wire = object_wire(values, type, table);
 	entry.point.set = (uint16_t)set;
 	if (values[OBJECT_UNIT].given)
@@ -321,9 +357,9 @@ static void add_entry(struct modbus_loader *loader, const struct config_place *p
 		entry.point.decimals = (uint8_t)(values[OBJECT_DECIMALS].integer + 1);
 	if (!modbus_object_scale(loader, place, values, &entry.wire))
 		return;
-	if (!values[OBJECT_PERIOD].given)
+	if (!values[OBJECT_PERIOD].given && !(entry.point.flags & MAP_POINT_NEVER_READ))
 		entry.wire.scan_period_ms = entry.period_ms & MODBUS_PERIOD_MAX_MS;
-	if (modbus_is_writable(table) &&
+	if (modbus_takes_commands(values, table) &&
 	    !(values[OBJECT_READ_BACK].given ? values[OBJECT_READ_BACK].integer : entry.read_back))
 		entry.wire.flags |= MODBUS_NO_READ_BACK;
 	name_point(loader, place, &entry, &values[OBJECT_NAME]);

@@ -51,6 +51,8 @@ enum {
 	OBJECT_NOT_TOPICAL_BY,
 	OBJECT_PERIOD,
 	OBJECT_READ_BACK,
+	OBJECT_WRITE_ADDRESS,
+	OBJECT_WRITE_ONLY,
 	OBJECT_KEYS
 };
 extern const struct config_rule modbus_object_rules[OBJECT_KEYS];
@@ -61,6 +63,12 @@ extern const char *const modbus_type_names[];
 static inline bool modbus_is_bit_table(enum modbus_table table)
 {
 	return table == MODBUS_COILS || table == MODBUS_DISCRETE_INPUTS;
+}
+
+/* What is in a table that is only read takes commands where they go elsewhere. */
+static inline bool modbus_takes_commands(const struct config_value *values, enum modbus_table table)
+{
+	return modbus_is_writable(table) || values[OBJECT_WRITE_ADDRESS].given;
 }
 
 static inline struct config_place modbus_object_key(const struct config_place *object, unsigned key)

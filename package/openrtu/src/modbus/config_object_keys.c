@@ -213,16 +213,48 @@ const struct config_rule modbus_object_rules[OBJECT_KEYS] = {
 			  CONFIG_SAYS("What a command has written is read at once, and the command ends with "
 				      "that. Without it, the slave's. Only coils and holding_registers.",
 				      .unset = true)},
+    [OBJECT_WRITE_ADDRESS] =
+	{"write_address", CONFIG_INTEGER, .low = 0, .high = MODBUS_ADDRESS_LAST,
+	 CONFIG_SAYS("Modbus address that commands are written to, where it is not the one that is read: a "
+		     "coil of coils and discrete_inputs, a holding register of the others. With it, "
+		     "discrete_inputs and input_registers take commands and their keys.",
+		     .see = "configuration.md#written-elsewhere-or-only-written", .unset = true)},
+    [OBJECT_WRITE_ONLY] = {"write_only", CONFIG_BOOLEAN,
+			   CONFIG_SAYS("The object takes commands and is never read. It has no value, and "
+				       "none of the keys about one. Only coils and holding_registers.",
+				       .see = "configuration.md#written-elsewhere-or-only-written")},
 };
-CONFIG_TABLE(object_table, .name = "object", .rules = modbus_object_rules, .count = OBJECT_KEYS,
-	     .json = CONFIG_JSON({
-		     "oneOf" : [ {"required" : ["address"]}, {"required" : ["register"]} ],
-		     "if" : {
-			     "required" : ["address"],
-			     "properties" : {"address" : {"type" : "integer", "minimum" : 10000}}
-		     },
-		     "then" : {"required" : ["ioa"]}
-	     }));
+CONFIG_TABLE(
+    object_table, .name = "object", .rules = modbus_object_rules, .count = OBJECT_KEYS,
+    .json = CONFIG_JSON({
+	    "oneOf" : [ {"required" : ["address"]}, {"required" : ["register"]} ],
+	    "if" : {
+		    "required" : ["address"],
+		    "properties" : {"address" : {"type" : "integer", "minimum" : 10000}}
+	    },
+	    "then" : {"required" : ["ioa"]},
+	    "allOf" : [ {
+		    "if" : {"required" : ["write_only"], "properties" : {"write_only" : {"const" : true}}},
+		    "then" : {
+			    "properties" : {
+				    "scale_register" : false,
+				    "unimplemented" : false,
+				    "deadband" : false,
+				    "cyclic_ms" : false,
+				    "background_ms" : false,
+				    "counter_group" : false,
+				    "freeze_s" : false,
+				    "step" : false,
+				    "blocked_by" : false,
+				    "substituted_by" : false,
+				    "not_topical_by" : false,
+				    "period_ms" : false,
+				    "read_back" : false,
+				    "write_address" : false
+			    }
+		    }
+	    } ]
+    }));
 
 /* What has a meaning for which type and table: modbus/config_object.c says the same to who reads. */
 CONFIG_TABLE(
@@ -287,6 +319,7 @@ CONFIG_TABLE(bits_table, .name = "bits", .forms = CONFIG_FORMS(&object_table),
 		     },
 		     "if" : {"required" : ["type"], "properties" : {"type" : {"const" : "double"}}},
 		     "then" : {
+			     "properties" : {"write_address" : {"maximum" : 65534}},
 			     "if" : {"not" : {"required" : ["second_address"]}},
 			     "then" : {"properties" : {"address" : {"maximum" : 65534}}}
 		     },
@@ -332,16 +365,30 @@ CONFIG_TABLE(
 		    },
 		    {
 			    "if" : {"$ref" : "#/$defs/four_registers"},
-			    "then" : {"properties" : {"address" : {"maximum" : 65532}, "bits" : false}},
+			    "then" : {
+				    "properties" : {
+					    "address" : {"maximum" : 65532},
+					    "write_address" : {"maximum" : 65532},
+					    "bits" : false
+				    }
+			    },
 			    "else" : {
 				    "if" : {"$ref" : "#/$defs/three_registers"},
-				    "then" :
-					{"properties" : {"address" : {"maximum" : 65533}, "bits" : false}},
+				    "then" : {
+					    "properties" : {
+						    "address" : {"maximum" : 65533},
+						    "write_address" : {"maximum" : 65533},
+						    "bits" : false
+					    }
+				    },
 				    "else" : {
 					    "if" : {"$ref" : "#/$defs/two_registers"},
 					    "then" : {
-						    "properties" :
-							{"address" : {"maximum" : 65534}, "bits" : false}
+						    "properties" : {
+							    "address" : {"maximum" : 65534},
+							    "write_address" : {"maximum" : 65534},
+							    "bits" : false
+						    }
 					    },
 					    "else" : {"properties" : {"word_order" : false}}
 				    }
@@ -512,24 +559,23 @@ CONFIG_TABLE(register_table, .name = "register",
 	     }));
 CONFIG_SHARED_TABLE(modbus_coil_table, .name = "coil", .forms = CONFIG_FORMS(&bits_table),
 		    .json = CONFIG_JSON({"$ref" : "#/$defs/bits"}));
-CONFIG_SHARED_TABLE(
-    modbus_discrete_input_table, .name = "discrete_input", .forms = CONFIG_FORMS(&bits_table),
+CONFIG_SHARED_TABLE(modbus_discrete_input_table, .name = "discrete_input", .forms = CONFIG_FORMS(&bits_table),
+		    .json = CONFIG_JSON({
+			    "$ref" : "#/$defs/bits",
+			    "properties" : {"write_only" : false},
+			    "if" : {"required" : ["write_address"]},
+			    "else" : {
+				    "properties" : {
+					    "select" : false,
+					    "read_back" : false,
+					    "short_pulse_ms" : false,
+					    "long_pulse_ms" : false
+				    }
+			    }
+		    }));
+CONFIG_TABLE(
+    commanded_register_table, .name = "commanded_register",
     .json = CONFIG_JSON({
-	    "$ref" : "#/$defs/bits",
-	    "properties" :
-		{"select" : false, "read_back" : false, "short_pulse_ms" : false, "long_pulse_ms" : false}
-    }));
-CONFIG_SHARED_TABLE(
-    modbus_input_register_table, .name = "input_register", .forms = CONFIG_FORMS(&register_table),
-    .json = CONFIG_JSON({
-	    "$ref" : "#/$defs/register",
-	    "properties" :
-		{"select" : false, "read_back" : false, "step" : false, "min" : false, "max" : false}
-    }));
-CONFIG_SHARED_TABLE(
-    modbus_holding_register_table, .name = "holding_register", .forms = CONFIG_FORMS(&register_table),
-    .json = CONFIG_JSON({
-	    "$ref" : "#/$defs/register",
 	    "dependentRequired" : {"step" : [ "min", "max" ], "min" : ["max"], "max" : ["min"]},
 	    "allOf" : [
 		    {
@@ -542,6 +588,25 @@ CONFIG_SHARED_TABLE(
 		    }
 	    ]
     }));
+CONFIG_SHARED_TABLE(
+    modbus_input_register_table, .name = "input_register",
+    .forms = CONFIG_FORMS(&register_table, &commanded_register_table),
+    .json = CONFIG_JSON({
+	    "$ref" : "#/$defs/register",
+	    "properties" : {"write_only" : false},
+	    "if" : {"required" : ["write_address"]},
+	    "then" : {"$ref" : "#/$defs/commanded_register"},
+	    "else" : {
+		    "properties" :
+			{"select" : false, "read_back" : false, "step" : false, "min" : false, "max" : false}
+	    }
+    }));
+CONFIG_SHARED_TABLE(modbus_holding_register_table, .name = "holding_register",
+		    .forms = CONFIG_FORMS(&register_table, &commanded_register_table),
+		    .json = CONFIG_JSON({
+			    "$ref" : "#/$defs/register",
+			    "allOf" : [ {"$ref" : "#/$defs/commanded_register"} ]
+		    }));
 const char *const modbus_status_keys[MODBUS_STATUS_BITS] = {
     [MODBUS_BLOCKED_BY] = "blocked_by",
     [MODBUS_SUBSTITUTED_BY] = "substituted_by",

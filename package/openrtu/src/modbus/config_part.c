@@ -123,7 +123,7 @@ static bool begin(struct config_loader *files, void *own, const json_t *root)
 	map_add_section(config, MODBUS_SETTINGS, sizeof(struct modbus_settings), 1, settings);
 	map_add_section(config, MODBUS_POINTS, sizeof(struct modbus_point), 0, points);
 	map_add_section(config, MODBUS_KNOTS, sizeof(struct modbus_knot), 0, NULL);
-	map_add_section(config, MODBUS_JUDGES, sizeof(struct modbus_judges), 0, NULL);
+	map_add_section(config, MODBUS_EXTRAS, sizeof(struct modbus_extra), 0, NULL);
 	map_add_section(config, MODBUS_PORTS, sizeof(struct modbus_port), 0, ports);
 	map_add_section(config, MODBUS_SLAVES, sizeof(struct modbus_slave), 0, slaves);
 	return loader->entries != NULL && settings != NULL && points != NULL && ports != NULL &&
@@ -170,7 +170,7 @@ static void read_part(struct config_loader *files, void *own, const struct confi
 		modbus_read_ports(loader, &file, values[FILE_PORT].json);
 	check_point_count(loader, &file);
 	modbus_check_collisions(loader);
-	modbus_resolve_status(loader);
+	modbus_resolve_extras(loader);
 	keep_points(loader);
 }
 

@@ -336,7 +336,7 @@ static void check_reversible(struct modbus_loader *loader, const struct config_p
 }
 
 static void check_scale_table(struct modbus_loader *loader, const struct config_place *object,
-			      const json_t *json, enum modbus_table table)
+			      const json_t *json, bool commanded)
 {
 	const struct config_place here = modbus_object_key(object, OBJECT_SCALE_TABLE);
 	struct modbus_knot knots[MODBUS_OBJECT_KNOTS_MAX];
@@ -349,7 +349,7 @@ static void check_scale_table(struct modbus_loader *loader, const struct config_
 		return;
 	}
 	count = read_knots(loader, &here, json, knots);
-	if (count > 0 && modbus_is_writable(table))
+	if (count > 0 && commanded)
 		check_reversible(loader, &here, knots, count);
 }
 
@@ -369,7 +369,8 @@ void modbus_check_value(struct modbus_loader *loader, const struct config_place 
 	if (values[OBJECT_SCALE_POINTS].given)
 		check_scale_points(loader, object, values[OBJECT_SCALE_POINTS].json);
 	if (values[OBJECT_SCALE_TABLE].given)
-		check_scale_table(loader, object, values[OBJECT_SCALE_TABLE].json, table);
+		check_scale_table(loader, object, values[OBJECT_SCALE_TABLE].json,
+				  modbus_takes_commands(values, table));
 }
 
 static void scale_by_points(const json_t *json, struct modbus_point *point)

@@ -34,9 +34,9 @@ static void *allocate(size_t count, size_t size)
 	return calloc(count > 0 ? count : 1, size);
 }
 
-static uint8_t read_function(uint8_t table)
+uint8_t modbus_read_function(enum modbus_table table)
 {
-	switch ((enum modbus_table)table) {
+	switch (table) {
 	case MODBUS_COILS:
 		return MODBUS_READ_COILS;
 	case MODBUS_DISCRETE_INPUTS:
@@ -56,15 +56,15 @@ static struct modbus_object object_of(const struct modbus_point *point, uint32_t
 
 	return (struct modbus_object){.tag = number,
 				      .address = (uint16_t)extent.first,
-				      .function = read_function((uint8_t)point->table) & 15u,
+				      .function = modbus_read_function((enum modbus_table)point->table) & 15u,
 				      .width = (extent.last - extent.first + 1) & 0xFFFu,
 				      .period_ms = point->scan_period_ms};
 }
 
-static bool configure_device(const struct map_config *config, uint32_t number, struct modbus_device *device)
+static bool configure_device(const struct map_config *config, uint32_t slave, struct modbus_device *device)
 {
-	const struct modbus_slave *from = &modbus_slaves(config)[number];
-	const struct map_set *set = &config->sets[number];
+	const struct modbus_slave *from = &modbus_slaves(config)[slave];
+	const struct map_set *set = &config->sets[slave];
 
 	*device = (struct modbus_device){
 	    .unit = from->unit,
@@ -75,16 +75,17 @@ static bool configure_device(const struct map_config *config, uint32_t number, s
 	    .probe_max_ns = from->probe_max_s * NS_PER_S,
 	    .pause_ns = from->pause_ms * NS_PER_MS,
 	    .writes_multiple = from->writes_multiple,
-	    .object_count = set->point_count,
 	    .objects = allocate(set->point_count, sizeof(*device->objects)),
 	    .reads = allocate(set->point_count, sizeof(*device->reads)),
 	};
 	if (device->objects == NULL || device->reads == NULL)
 		return false;
 	for (uint32_t i = 0; i < set->point_count; i++) {
-		const struct modbus_point *point = &modbus_points(config)[set->first_point + i];
+		const uint32_t number = set->first_point + i;
 
-		device->objects[i] = object_of(point, set->first_point + i);
+		if (!(config->points[number].flags & MAP_POINT_NEVER_READ))
+			device->objects[device->object_count++] =
+			    object_of(&modbus_points(config)[number], number);
 	}
 	return true;
 }

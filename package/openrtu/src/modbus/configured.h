@@ -16,6 +16,9 @@ unsigned modbus_bits_per_char(const struct modbus_port *line);
 /* Durations of a line in ns, what its port takes to switch the direction included; of a TCP connection, too. */
 struct modbus_wire modbus_wire_of(const struct modbus_port *line);
 
+/* That of what is in the table. */
+uint8_t modbus_read_function(enum modbus_table table);
+
 /* What the file says that a device takes. */
 struct modbus_limits modbus_limits_of(const struct modbus_slave *slave);
 

@@ -277,6 +277,8 @@ static void command(uint8_t argument)
 	    .request = {
 		devices[device].unit, functions[next_octet() % 3], next_octet(), 1, {next_octet() & 1}}};
 
+	order.read_function = argument & 1 ? MODBUS_READ_HOLDING_REGISTERS : MODBUS_READ_COILS;
+	order.read_address = order.request.address;
 	if (order.request.function == MODBUS_WRITE_REGISTERS)
 		order.request.count = 2;
 	if (ordered < TAGS && modbus_line_command(&line, &order))

@@ -93,9 +93,10 @@ struct modbus_command {
 	uint32_t device; /* index in the line's devices */
 	uint32_t tag;    /* the caller's; not looked at */
 	int64_t deadline_ns;
-	bool no_read_back;             /* what it writes is not read ahead of its turn */
+	uint8_t read_function; /* what it has changed is read ahead of its turn; 0: nothing is */
+	uint16_t read_address;
 	bool turned;                   /* the line's own: the device does not know the other function */
-	struct modbus_request request; /* function 5, 6, 15, 16 */
+	struct modbus_request request; /* function 5, 6, 15, 16, 22 */
 };
 
 struct modbus_device_counters {

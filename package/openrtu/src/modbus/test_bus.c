@@ -612,6 +612,10 @@ void command(uint32_t device, uint8_t function, uint16_t address, uint16_t value
 	struct modbus_command order = {.device = device,
 				       .tag = tag,
 				       .deadline_ns = bus.now_ns + 10 * SECOND,
+				       .read_function = modbus_is_bit_function(function)
+							    ? MODBUS_READ_COILS
+							    : MODBUS_READ_HOLDING_REGISTERS,
+				       .read_address = address,
 				       .request = {bus.devices[device].unit, function, address, 1, {value}}};
 
 	assert_true(modbus_line_command(&bus.line, &order));

@@ -20,7 +20,7 @@ static void test_characters_have_ten_to_twelve_bits(void **state)
 	assert_int_equal(modbus_bits_per_char(&line), 12);
 }
 
-/* The second line of two; a double whose bits lie apart, the second below the first; a broadcast, never read. */
+/* The second line of two; a double whose bits lie apart, the second below the first; a broadcast and a coil, never read. */
 static void test_a_line_has_its_own_devices_and_their_reads(void **state)
 {
 	(void)state;
@@ -42,27 +42,29 @@ static void test_a_line_has_its_own_devices_and_their_reads(void **state)
 	     .probe_max_s = 5},
 	};
 	struct map_set sets[] = {
-	    {.point_count = 1}, {.first_point = 1, .point_count = 1}, {.first_point = 2, .point_count = 2}};
+	    {.point_count = 1}, {.first_point = 1, .point_count = 1}, {.first_point = 2, .point_count = 3}};
 	struct modbus_point wire[] = {
 	    {.table = MODBUS_COILS, .width = 1},
 	    {.table = MODBUS_COILS, .width = 1},
 	    {.table = MODBUS_HOLDING_REGISTERS, .address = 4, .second_address = 5, .width = 2},
 	    {.table = MODBUS_COILS, .type = MAP_DOUBLE, .address = 20, .second_address = 10, .width = 2},
+	    {.table = MODBUS_COILS, .address = 12, .width = 1},
 	};
 	struct map_point points[] = {{.set = 0},
 				     {.set = 1, .flags = MAP_POINT_COMMAND},
 				     {.set = 2},
-				     {.set = 2, .flags = MAP_POINT_COMMAND}};
-	struct map_config config = {.set_count = 3, .point_count = 4, .sets = sets, .points = points};
+				     {.set = 2, .flags = MAP_POINT_COMMAND},
+				     {.set = 2, .flags = MAP_POINT_COMMAND | MAP_POINT_NEVER_READ}};
+	struct map_config config = {.set_count = 3, .point_count = 5, .sets = sets, .points = points};
 	struct modbus_line line = {.device_count = 0};
 
 	map_add_section(&config, MODBUS_PORTS, sizeof(lines[0]), sizeof(lines) / sizeof(lines[0]), lines);
-	map_add_section(&config, MODBUS_POINTS, sizeof(wire[0]), 4, wire);
+	map_add_section(&config, MODBUS_POINTS, sizeof(wire[0]), 5, wire);
 	map_add_section(&config, MODBUS_SLAVES, sizeof(slaves[0]), sizeof(slaves) / sizeof(slaves[0]),
 			slaves);
 	assert_true(modbus_line_configure(&line, &config, 1));
 	assert_int_equal(line.device_count, 2);
-	assert_int_equal(line.command_capacity, 2);
+	assert_int_equal(line.command_capacity, 3);
 	assert_int_equal(line.wire.char_ns, 1000000000 * 11LL / 19200);
 	assert_int_equal(line.devices[0].read_count, 0);
 	assert_int_equal(line.devices[1].unit, 7);
@@ -73,6 +75,7 @@ static void test_a_line_has_its_own_devices_and_their_reads(void **state)
 	assert_true(line.devices[1].limits.no_holes);
 	assert_int_equal(line.devices[1].response_timeout_min_ns, 60000000);
 	assert_int_equal(line.devices[1].probe_max_ns, 5000000000);
+	assert_int_equal(line.devices[1].object_count, 2);
 	assert_int_equal(line.devices[1].read_count, 2);
 	assert_int_equal(line.devices[1].reads[0].function, MODBUS_READ_COILS);
 	assert_int_equal(line.devices[1].reads[0].address, 10);

@@ -80,7 +80,6 @@ static void test_what_is_not_to_be_read_back_waits_for_its_turn(void **state)
 		run_for(MS);
 	forget_trace();
 	struct modbus_command order = {.deadline_ns = bus.now_ns + SECOND,
-				       .no_read_back = true,
 				       .request = {1, MODBUS_WRITE_REGISTER, 3, 1, {7}}};
 	assert_true(modbus_line_command(&bus.line, &order));
 	run_for(200 * MS);
@@ -90,6 +89,36 @@ static void test_what_is_not_to_be_read_back_waits_for_its_turn(void **state)
 		i++;
 	assert_int_not_equal(bus.sent[i + 1].request.unit, 1);
 	assert_true(sent_with(1, MODBUS_READ_HOLDING_REGISTERS) > 0);
+}
+
+/* What is written at one address shows at another, of another table. */
+static void test_what_is_read_elsewhere_is_read_back_there(void **state)
+{
+	size_t i = 0;
+
+	(void)state;
+	set_up();
+	add_device(1, 0);
+	add_objects(MODBUS_READ_HOLDING_REGISTERS, 0, 8);
+	add_objects(MODBUS_READ_INPUT_REGISTERS, 500, 1);
+	for (uint16_t far = 0; far < 3; far++)
+		add_objects(MODBUS_READ_DISCRETE_INPUTS, (uint16_t)(300 * far), 1);
+	start();
+	run_for(SECOND);
+	while (bus.line.state != MODBUS_IDLE || bus.devices[0].reads[bus.devices[0].cursor].address == 500)
+		run_for(MS);
+	forget_trace();
+	struct modbus_command order = {.deadline_ns = bus.now_ns + SECOND,
+				       .read_function = MODBUS_READ_INPUT_REGISTERS,
+				       .read_address = 500,
+				       .request = {1, MODBUS_WRITE_REGISTER, 3, 1, {7}}};
+	assert_true(modbus_line_command(&bus.line, &order));
+	run_for(200 * MS);
+	assert_int_equal(bus.last_result, MODBUS_DONE);
+	while (bus.sent[i].request.function != MODBUS_WRITE_REGISTER)
+		i++;
+	assert_int_equal(bus.sent[i + 1].request.function, MODBUS_READ_INPUT_REGISTERS);
+	assert_int_equal(bus.sent[i + 1].request.address, 500);
 }
 
 static void test_a_refused_command_tells_why(void **state)
@@ -220,6 +249,7 @@ int main(void)
 	    cmocka_unit_test(test_a_flood_of_commands_stops_no_polling),
 	    cmocka_unit_test(test_what_was_written_is_read_back_next),
 	    cmocka_unit_test(test_what_is_not_to_be_read_back_waits_for_its_turn),
+	    cmocka_unit_test(test_what_is_read_elsewhere_is_read_back_there),
 	    cmocka_unit_test(test_a_refused_command_tells_why),
 	    cmocka_unit_test(test_a_command_past_its_deadline_is_not_sent),
 	    cmocka_unit_test(test_the_queue_has_an_end),

@@ -60,6 +60,8 @@ static const unsigned object_columns[] = {
     OBJECT_MIN,
     OBJECT_MAX,
     OBJECT_READ_BACK,
+    OBJECT_WRITE_ADDRESS,
+    OBJECT_WRITE_ONLY,
     OBJECT_BLOCKED_BY,
     OBJECT_SUBSTITUTED_BY,
     OBJECT_NOT_TOPICAL_BY,
@@ -245,7 +247,7 @@ static bool put_key(FILE *out, const struct row *row, unsigned key)
 		put_next(out, "false");
 	} else if (key >= OBJECT_BLOCKED_BY && key <= OBJECT_NOT_TOPICAL_BY && json != NULL) {
 		uint32_t place =
-		    modbus_judges_of(row->config, &row->entry->wire)->status[key - OBJECT_BLOCKED_BY] - 1u;
+		    modbus_extra_of(row->config, &row->entry->wire)->status[key - OBJECT_BLOCKED_BY] - 1u;
 
 		map_point_name(row->config, &row->config->points[row->set->first_point + place], name);
 		put_next(out, name);

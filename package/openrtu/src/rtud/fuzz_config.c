@@ -40,12 +40,12 @@ static void check_wire(const struct map_config *config, const struct modbus_poin
 		      modbus_knots(config)[point->first_knot + i - 1].raw);
 }
 
-static void check_judges(const struct map_config *config, const struct modbus_point *point, uint32_t points)
+static void check_extra(const struct map_config *config, const struct modbus_point *point, uint32_t points)
 {
-	const struct modbus_judges *judges = modbus_judges_of(config, point);
+	const struct modbus_extra *extra = modbus_extra_of(config, point);
 
-	for (unsigned bit = 0; judges != NULL && bit < MODBUS_STATUS_BITS; bit++)
-		CHECK(judges->status[bit] <= points);
+	for (unsigned bit = 0; extra != NULL && bit < MODBUS_STATUS_BITS; bit++)
+		CHECK(extra->status[bit] <= points);
 }
 
 /* Points by set, slaves by port, without holes: what the map's sweeps rely on. */
@@ -72,7 +72,7 @@ static void check_order(const struct map_config *config)
 			if (next_point >= map_record_count(config, MODBUS_POINTS))
 				continue;
 			check_wire(config, &modbus_points(config)[next_point]);
-			check_judges(config, &modbus_points(config)[next_point], config->sets[i].point_count);
+			check_extra(config, &modbus_points(config)[next_point], config->sets[i].point_count);
 		}
 	}
 	CHECK(next_point == config->point_count);

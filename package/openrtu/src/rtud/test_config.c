@@ -311,13 +311,13 @@ static void test_status_bits(void **state)
 	(void)state;
 	assert_int_equal(config.sets[1].point_count, 5);
 	assert_name(&config, first + 4, "p1.2.i9");
-	assert_name(&config, first + modbus_judges_of(&config, &wire[4])->status[MODBUS_BLOCKED_BY] - 1,
+	assert_name(&config, first + modbus_extra_of(&config, &wire[4])->status[MODBUS_BLOCKED_BY] - 1,
 		    "test");
-	assert_name(&config, first + modbus_judges_of(&config, &wire[4])->status[MODBUS_NOT_TOPICAL_BY] - 1,
+	assert_name(&config, first + modbus_extra_of(&config, &wire[4])->status[MODBUS_NOT_TOPICAL_BY] - 1,
 		    "p1.2.c4");
-	assert_int_equal(modbus_judges_of(&config, &wire[4])->status[MODBUS_SUBSTITUTED_BY], 0);
+	assert_int_equal(modbus_extra_of(&config, &wire[4])->status[MODBUS_SUBSTITUTED_BY], 0);
 	assert_name(&config, first + 0, "p1.2.c2");
-	assert_name(&config, first + modbus_judges_of(&config, &wire[0])->status[MODBUS_SUBSTITUTED_BY] - 1,
+	assert_name(&config, first + modbus_extra_of(&config, &wire[0])->status[MODBUS_SUBSTITUTED_BY] - 1,
 		    "p1.2.d1");
 	config_free(&config);
 }
@@ -383,6 +383,32 @@ static void test_an_object_is_read_back_as_it_says_or_its_slave(void **state)
 	(void)state;
 	for (size_t i = 0; i < sizeof(read_back) / sizeof(read_back[0]); i++)
 		assert_int_equal(!(modbus_points(&config)[i].flags & MODBUS_NO_READ_BACK), read_back[i]);
+	config_free(&config);
+}
+
+static void test_an_object_is_written_elsewhere_or_only_written(void **state)
+{
+	struct map_config config = load("{'port': [" LINE(
+	    "3", "{'id': 1, 'coils': [{'address': 0}, {'address': 1, 'write_only': true},"
+		 " {'address': 2, 'write_only': false}],"
+		 " 'discrete_inputs': [{'address': 0, 'write_address': 65535}, {'address': 1}],"
+		 " 'input_registers': [{'address': 5, 'type': 'float', 'write_address': 7,"
+		 " 'blocked_by': 'p3.1.c0'}]}") "]}");
+	const struct modbus_point *wire = modbus_points(&config);
+
+	(void)state;
+	assert_int_equal(config.points[0].flags, MAP_POINT_COMMAND);
+	assert_int_equal(config.points[1].flags, MAP_POINT_COMMAND | MAP_POINT_NEVER_READ);
+	assert_int_equal(config.points[2].flags, MAP_POINT_COMMAND);
+	assert_int_equal(config.points[3].flags, MAP_POINT_COMMAND);
+	assert_int_equal(config.points[4].flags, 0);
+	assert_int_equal(modbus_written(&config, &wire[0]).address, 0);
+	assert_int_equal(modbus_written(&config, &wire[3]).table, MODBUS_COILS);
+	assert_int_equal(modbus_written(&config, &wire[3]).address, 65535);
+	assert_int_equal(modbus_written(&config, &wire[5]).table, MODBUS_HOLDING_REGISTERS);
+	assert_int_equal(modbus_written(&config, &wire[5]).address, 7);
+	assert_int_equal(wire[5].address, 5);
+	assert_int_equal(modbus_extra_of(&config, &wire[5])->status[MODBUS_BLOCKED_BY], 1);
 	config_free(&config);
 }
 
@@ -499,6 +525,7 @@ int main(void)
 	    cmocka_unit_test(test_a_slave_has_its_limits_or_the_protocols),
 	    cmocka_unit_test(test_unit_0_of_a_connection_is_no_broadcast),
 	    cmocka_unit_test(test_an_object_is_read_back_as_it_says_or_its_slave),
+	    cmocka_unit_test(test_an_object_is_written_elsewhere_or_only_written),
 	    cmocka_unit_test(test_own_station),
 	    cmocka_unit_test(test_tables_refer_to_each_other),
 	    cmocka_unit_test(test_modules_that_are_not_there),

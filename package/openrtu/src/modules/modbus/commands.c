@@ -15,6 +15,12 @@ static const struct modbus_point *wire_of(const struct commands *commands, uint3
 	return &modbus_points(map_config(commands->map))[point];
 }
 
+/* As its commands have it. */
+static struct modbus_point written(const struct commands *commands, uint32_t point)
+{
+	return modbus_written(map_config(commands->map), wire_of(commands, point));
+}
+
 static uint8_t unit_of(const struct commands *commands, uint32_t point)
 {
 	return modbus_slaves(map_config(commands->map))[point_of(commands, point)->set].unit;
@@ -118,6 +124,8 @@ static void await_return(struct commands *commands, struct commands_progress *pr
 	progress->unseen = true;
 	if (is_broadcast(commands, progress->point))
 		finish(commands, progress, MAP_RESULT_SENT, 0);
+	else if (point_of(commands, progress->point)->flags & MAP_POINT_NEVER_READ)
+		finish(commands, progress, MAP_RESULT_DONE, 0);
 	else if (wire_of(commands, progress->point)->flags & MODBUS_NO_READ_BACK)
 		leave_to_polling(commands, progress, now_ns);
 	else
@@ -136,8 +144,9 @@ static bool write_next(struct commands *commands, const struct commands_progress
 static void end_pulse(struct commands *commands, struct commands_progress *progress, int64_t now_ns)
 {
 	uint32_t point = progress->point;
+	const struct modbus_point wire = written(commands, point);
 
-	operation_end(wire_of(commands, point), unit_of(commands, point), &progress->operation);
+	operation_end(&wire, unit_of(commands, point), &progress->operation);
 	progress->phase = COMMANDS_ENDING;
 	progress->next = 0;
 	if (!write_next(commands, progress, MODBUS_NEVER))
@@ -235,11 +244,12 @@ static void begin(struct commands *commands, const struct map_request *request)
 					  .phase = COMMANDS_WRITING,
 					  .cause = map_cause_of(commands->map, request),
 					  .pulse_ms = request->pulse_ms};
+	const struct modbus_point wire = written(commands, request->point);
 	/* Not what it is forced to: a step goes from where the device is. */
 	const struct map_sample last = map_own_sample(commands->map, request->point);
 	enum map_command_result result;
 
-	result = operation_begin(point_of(commands, request->point), wire_of(commands, request->point),
+	result = operation_begin(point_of(commands, request->point), &wire,
 				 modbus_knots(map_config(commands->map)), commands->exponents[request->point],
 				 unit_of(commands, request->point), request, &last, &begun.operation);
 	if (result == MAP_RESULT_NONE && !write_next(commands, &begun, request->deadline_ns))

@@ -82,10 +82,10 @@ static bool same_knots(const struct map_config *a, const struct modbus_point *of
 		       of_a->knot_count * sizeof(struct modbus_knot)) == 0);
 }
 
-static bool same_judges(const struct map_config *a, const struct modbus_point *of_a,
-			const struct map_config *b, const struct modbus_point *of_b)
+static bool same_extra(const struct map_config *a, const struct modbus_point *of_a,
+		       const struct map_config *b, const struct modbus_point *of_b)
 {
-	const struct modbus_judges *in_a = modbus_judges_of(a, of_a), *in_b = modbus_judges_of(b, of_b);
+	const struct modbus_extra *in_a = modbus_extra_of(a, of_a), *in_b = modbus_extra_of(b, of_b);
 
 	if (in_a == NULL || in_b == NULL)
 		return in_a == in_b;
@@ -96,10 +96,10 @@ static bool same_point(const struct map_config *a, uint32_t in_a, const struct m
 {
 	struct modbus_point of_a = modbus_points(a)[in_a], of_b = modbus_points(b)[in_b];
 
-	if (!same_knots(a, &of_a, b, &of_b) || !same_judges(a, &of_a, b, &of_b))
+	if (!same_knots(a, &of_a, b, &of_b) || !same_extra(a, &of_a, b, &of_b))
 		return false;
 	of_a.first_knot = of_b.first_knot = 0;
-	of_a.judges = of_b.judges = 0;
+	of_a.extra = of_b.extra = 0;
 	return memcmp(&of_a, &of_b, sizeof(of_a)) == 0; /* it has no padding */
 }
 

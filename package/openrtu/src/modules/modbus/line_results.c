@@ -143,12 +143,17 @@ static void lose_read(void *context, uint32_t device, const struct modbus_read *
 
 static void invalidate_device(struct line_results *results, const struct map_set *device, int64_t now_ns)
 {
+	size_t count = 0;
+
 	for (uint32_t i = 0; i < device->point_count; i++) {
-		forget_exponent(results, device->first_point + i);
-		results->updates[i] =
-		    quality_lost(results->quality, device->first_point + i, MAP_INVALID, now_ns);
+		const uint32_t point = device->first_point + i;
+
+		forget_exponent(results, point);
+		if (!(map_config(results->map)->points[point].flags & MAP_POINT_NEVER_READ))
+			results->updates[count++] =
+			    quality_lost(results->quality, point, MAP_INVALID, now_ns);
 	}
-	publish(results, device, device->point_count, now_ns);
+	publish(results, device, count, now_ns);
 }
 
 static void device_changed(void *context, uint32_t device, bool alive, int64_t now_ns)

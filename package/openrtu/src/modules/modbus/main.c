@@ -76,6 +76,19 @@ static struct port *port_of_line(struct gateway *gateway, uint32_t line)
 	return NULL;
 }
 
+/* Where what a command has changed shows at once; 0: it is not read, or not ahead of its turn. */
+static uint8_t reads_back(const struct map_config *config, uint32_t point)
+{
+	const struct modbus_point *wire = &modbus_points(config)[point];
+
+	if (wire->flags & MODBUS_NO_READ_BACK)
+		return 0;
+	if ((config->points[point].flags & MAP_POINT_NEVER_READ) &&
+	    !modbus_is_broadcast(config, config->points[point].set))
+		return 0;
+	return modbus_read_function((enum modbus_table)wire->table);
+}
+
 /* Hands a write to its line, which will answer it. */
 static bool write_to_line(void *context, uint32_t point, const struct modbus_request *request,
 			  int64_t deadline_ns)
@@ -85,8 +98,8 @@ static bool write_to_line(void *context, uint32_t point, const struct modbus_req
 	struct port *port = port_of_line(gateway, modbus_slaves(gateway->config)[device].port);
 	struct modbus_command command = {.tag = point,
 					 .deadline_ns = deadline_ns,
-					 .no_read_back = modbus_points(gateway->config)[point].flags &
-							 MODBUS_NO_READ_BACK,
+					 .read_function = reads_back(gateway->config, point),
+					 .read_address = modbus_points(gateway->config)[point].address,
 					 .request = *request};
 
 	if (port == NULL)

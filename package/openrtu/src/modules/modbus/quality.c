@@ -17,9 +17,10 @@ struct map_update quality_lost(const struct quality *quality, uint32_t point, en
 			 now_ns);
 }
 
-static bool has_status(const struct modbus_point *point)
+/* Some of those that have extras are about a status bit. */
+static bool may_have_status(const struct modbus_point *point)
 {
-	return point->judges != 0;
+	return point->extra != 0;
 }
 
 void quality_init(struct quality *quality, struct map *map, struct quality_of_point *points)
@@ -29,7 +30,7 @@ void quality_init(struct quality *quality, struct map *map, struct quality_of_po
 	*quality = (struct quality){.map = map, .points = points, .wire = modbus_points(config)};
 	for (uint32_t i = 0; i < map_record_count(config, MODBUS_POINTS); i++) {
 		points[i] = (struct quality_of_point){.own = MAP_INVALID, .published = MAP_INVALID};
-		quality->with_status |= has_status(&quality->wire[i]);
+		quality->with_status |= may_have_status(&quality->wire[i]);
 	}
 }
 
@@ -38,18 +39,17 @@ static uint8_t quality_of(const struct quality *quality, const struct map_set *d
 	static const uint8_t says[] = {[MODBUS_BLOCKED_BY] = MAP_BLOCKED,
 				       [MODBUS_SUBSTITUTED_BY] = MAP_SUBSTITUTED,
 				       [MODBUS_NOT_TOPICAL_BY] = MAP_NOT_TOPICAL};
-	const struct modbus_judges *judges =
-	    modbus_judges_of(map_config(quality->map), &quality->wire[point]);
+	const struct modbus_extra *extra = modbus_extra_of(map_config(quality->map), &quality->wire[point]);
 	uint8_t is = quality->points[point].own;
 
-	if ((is & MAP_INVALID) || judges == NULL)
+	if ((is & MAP_INVALID) || extra == NULL)
 		return is;
 	for (unsigned i = 0; i < MODBUS_STATUS_BITS; i++) {
 		const struct quality_of_point *bit;
 
-		if (judges->status[i] == 0)
+		if (extra->status[i] == 0)
 			continue;
-		bit = &quality->points[device->first_point + judges->status[i] - 1];
+		bit = &quality->points[device->first_point + extra->status[i] - 1];
 		if (bit->own != MAP_GOOD)
 			is |= MAP_NOT_TOPICAL;
 		else if (bit->on)
@@ -80,7 +80,7 @@ size_t quality_complete(struct quality *quality, const struct map_set *device, s
 		uint32_t number = device->first_point + i;
 		struct quality_of_point *point = &quality->points[number];
 
-		if (point->updated || !has_status(&quality->wire[number]) ||
+		if (point->updated || !may_have_status(&quality->wire[number]) ||
 		    quality_of(quality, device, number) == point->published)
 			continue;
 		point->published = quality_of(quality, device, number);

@@ -25,6 +25,7 @@ static struct commands commands;
 static int64_t now;
 static struct modbus_point wire[POINTS];
 static struct modbus_port port;
+static struct modbus_extra elsewhere = {.write_address = 31};
 static struct modbus_slave slaves[] = {{.unit = 1}, {.unit = 1}};
 
 static bool take_write(void *context, uint32_t point, const struct modbus_request *request,
@@ -74,6 +75,7 @@ static int start_stage(void **state)
 	wire[REGISTER].format = MODBUS_FORMAT_INT16;
 	map_add_section(&stage->config, MODBUS_POINTS, sizeof(wire[0]), POINTS, wire);
 	map_add_section(&stage->config, MODBUS_PORTS, sizeof(port), 1, &port);
+	map_add_section(&stage->config, MODBUS_EXTRAS, sizeof(elsewhere), 1, &elsewhere);
 	map_add_section(&stage->config, MODBUS_SLAVES, sizeof(slaves[0]), 2, slaves);
 	make_again(stage);
 	write_count = 0;
@@ -274,6 +276,43 @@ static void test_what_is_read_much_later_is_no_return(void **state)
 	assert_int_equal(commands_cause(&commands, REGISTER), MAP_SPONTANEOUS);
 	assert_int_equal(commands.count, 0);
 	expect_no_answer();
+}
+
+/* Nothing can be read back. */
+static void test_the_confirmation_ends_what_is_never_read(void **state)
+{
+	struct stage *stage = *state;
+
+	stage->rtud->config.points[REGISTER].flags |= MAP_POINT_NEVER_READ;
+	command_register(7);
+	assert_int_equal(commands.count, 0);
+	command_register(8);
+	assert_int_equal(commands.count, 0);
+	expect_no_answer();
+}
+
+/* The double is read on coils 10 and 20, and written to 31 and 32: neighbours, in one write. */
+static void test_commands_go_where_the_point_is_written(void **state)
+{
+	struct stage *stage = *state;
+	struct modbus_point *points = modbus_points(&stage->rtud->config);
+
+	points[APART].table = MODBUS_DISCRETE_INPUTS;
+	points[APART].flags |= MODBUS_WRITTEN_ELSEWHERE;
+	points[APART].extra = 1;
+	command(APART, 2, 500);
+	expect(MAP_EXECUTING, MAP_RESULT_NONE);
+	assert_int_equal(writes[0].request.function, MODBUS_WRITE_COILS);
+	assert_int_equal(writes[0].request.values[1], 1);
+	expect_write(APART, 31, 0);
+	device_answers(APART, MODBUS_DONE);
+	expect(MAP_EXECUTING, MAP_RESULT_DONE);
+	pass(500 * MS);
+	assert_int_equal(writes[0].request.values[1], 0);
+	expect_write(APART, 31, 0);
+	device_answers(APART, MODBUS_DONE);
+	read_back(APART);
+	expect(MAP_EXECUTED_COMMAND, MAP_RESULT_DONE);
 }
 
 static void test_refusals(void **state)
@@ -533,6 +572,8 @@ int main(void)
 	    TEST_COMMANDS(test_a_broadcast_is_sent_and_unanswered),
 	    TEST_COMMANDS(test_the_confirmation_ends_what_is_not_to_be_read_back),
 	    TEST_COMMANDS(test_what_is_read_much_later_is_no_return),
+	    TEST_COMMANDS(test_the_confirmation_ends_what_is_never_read),
+	    TEST_COMMANDS(test_commands_go_where_the_point_is_written),
 	    TEST_COMMANDS(test_refusals),
 	    TEST_COMMANDS(test_without_its_power_of_ten_nothing_is_written),
 	    TEST_COMMANDS(test_the_second_write_waits_for_the_first),

@@ -15,19 +15,19 @@ static int start_stage(void **state)
 	struct stage *stage;
 	struct map_point *config;
 	static struct modbus_point wire[POINTS];
-	static struct modbus_judges judges[2];
+	static struct modbus_extra extras[2];
 
 	set_up(state);
 	stage = *state;
 	config = stage->points;
 	config[TEST_MODE].type = config[FROZEN].type = MAP_SINGLE;
-	wire[VALUE].judges = 1;
-	judges[0].status[MODBUS_BLOCKED_BY] = 1 + TEST_MODE;
-	judges[0].status[MODBUS_NOT_TOPICAL_BY] = 1 + FROZEN;
-	wire[OTHER].judges = 2;
-	judges[1].status[MODBUS_SUBSTITUTED_BY] = 1 + TEST_MODE;
+	wire[VALUE].extra = 1;
+	extras[0].status[MODBUS_BLOCKED_BY] = 1 + TEST_MODE;
+	extras[0].status[MODBUS_NOT_TOPICAL_BY] = 1 + FROZEN;
+	wire[OTHER].extra = 2;
+	extras[1].status[MODBUS_SUBSTITUTED_BY] = 1 + TEST_MODE;
 	map_add_section(&stage->config, MODBUS_POINTS, sizeof(wire[0]), POINTS, wire);
-	map_add_section(&stage->config, MODBUS_JUDGES, sizeof(judges[0]), 2, judges);
+	map_add_section(&stage->config, MODBUS_EXTRAS, sizeof(extras[0]), 2, extras);
 	make_again(stage);
 	owner = start(stage, FIRST);
 	map_heartbeat(owner);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* The status bits that objects name, once all points are in their places. */
+/* What few objects have, once all points are in their places: status bits that they name, an address to write to. */
 #include "modbus/config_loader.h"
 
 #include <stdlib.h>
@@ -39,13 +39,19 @@ static bool is_status_bit_for(const struct modbus_entry *bit, const struct modbu
 	       bit->point.type == MAP_SINGLE && !names_status(bit);
 }
 
+static bool has_extra(const struct modbus_entry *entry)
+{
+	return names_status(entry) || (entry->wire.flags & MODBUS_WRITTEN_ELSEWHERE);
+}
+
 static void resolve(struct modbus_loader *loader, struct modbus_entry *entry,
 		    const struct modbus_entry *const *names)
 {
-	struct modbus_judges *judges = map_next_record(loader->config, MODBUS_JUDGES);
+	struct modbus_extra *extra = map_next_record(loader->config, MODBUS_EXTRAS);
 	const struct map_config *config = loader->config;
 
-	entry->wire.judges = (uint16_t)map_record_count(config, MODBUS_JUDGES);
+	entry->wire.extra = (uint16_t)map_record_count(config, MODBUS_EXTRAS);
+	extra->write_address = entry->write_address;
 	for (unsigned i = 0; i < MODBUS_STATUS_BITS; i++) {
 		const struct modbus_entry *bit;
 		struct config_place links[MODBUS_ENTRY_LINKS];
@@ -58,8 +64,8 @@ static void resolve(struct modbus_loader *loader, struct modbus_entry *entry,
 			bit = find(names, config->point_count, "", entry->status[i]);
 		here = config_key_of(modbus_entry_place(entry, links), modbus_status_keys[i]);
 		if (is_status_bit_for(bit, entry))
-			judges->status[i] = (uint16_t)(1 + (bit - loader->entries) -
-						       config->sets[entry->point.set].first_point);
+			extra->status[i] = (uint16_t)(1 + (bit - loader->entries) -
+						      config->sets[entry->point.set].first_point);
 		else
 			config_error(
 			    loader->report, &here,
@@ -69,17 +75,17 @@ static void resolve(struct modbus_loader *loader, struct modbus_entry *entry,
 	}
 }
 
-void modbus_resolve_status(struct modbus_loader *loader)
+void modbus_resolve_extras(struct modbus_loader *loader)
 {
-	uint32_t count = loader->config->point_count, judged = 0;
+	uint32_t count = loader->config->point_count, extra_count = 0;
 	const struct modbus_entry **names = calloc((size_t)count + 1, sizeof(struct modbus_entry *));
-	struct modbus_judges *judges;
+	struct modbus_extra *extras;
 
 	for (uint32_t i = 0; i < count; i++)
-		judged += names_status(&loader->entries[i]);
-	judges = calloc((size_t)judged + 1, sizeof(*judges));
-	map_move_section(loader->config, MODBUS_JUDGES, judges);
-	if (names == NULL || judges == NULL) {
+		extra_count += has_extra(&loader->entries[i]);
+	extras = calloc((size_t)extra_count + 1, sizeof(*extras));
+	map_move_section(loader->config, MODBUS_EXTRAS, extras);
+	if (names == NULL || extras == NULL) {
 		config_out_of_memory(loader->report);
 		free(names);
 		return;
@@ -88,7 +94,7 @@ void modbus_resolve_status(struct modbus_loader *loader)
 		names[i] = &loader->entries[i];
 	qsort(names, count, sizeof(struct modbus_entry *), by_name);
 	for (uint32_t i = 0; i < count; i++)
-		if (names_status(&loader->entries[i]))
+		if (has_extra(&loader->entries[i]))
 			resolve(loader, &loader->entries[i], (const struct modbus_entry *const *)names);
 	free(names);
 }
