@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The gateway on Modbus devices of other makes: servers of pymodbus and libmodbus, on lines and on TCP."""
+"""The gateway on Modbus devices of other makes: servers of pymodbus and libmodbus, on lines and TCP."""
 
 import contextlib
 import random
@@ -17,16 +17,21 @@ from desk import patience
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.master import Master, Report
 from peers.device import BAUD_RATE, FIRST_ADDRESS, UNIT, Device
+from peers.device_server import device_server
 from peers.libmodbus_device import LibmodbusDevice
 from peers.line import line
-from peers.pymodbus_device import PymodbusDevice
+from peers.pymodbus_device import PymodbusDevice, PymodbusRtuDevice
 
 pytestmark = pytest.mark.slow  # four devices in Python; those of the quick tests are linesim's
 
 MAKES: dict[str, type[Device]] = {"pymodbus": PymodbusDevice, "libmodbus": LibmodbusDevice}
 SERIAL_PORTS = dict(zip(MAKES, (1, 2), strict=True))  # ttyS1 and ttyS2
 TCP_PORTS = dict(zip(MAKES, (7, 8), strict=True))
-PEERS = [*MAKES, *(f"{make}-tcp" for make in MAKES)]
+RTU_PORTS = {
+    "pymodbus-rtu": 9,
+    "libmodbus-server": 10,
+}  # RTU over TCP: the one itself, the other behind a device server
+PEERS = [*MAKES, *(f"{make}-tcp" for make in MAKES), *RTU_PORTS]
 
 PATIENCE_MS = 1500  # a device of Python on a busy host is not dead
 MISSING = FIRST_ADDRESS - 1  # configured in every table, and no address of the devices
@@ -79,12 +84,15 @@ OBJECTS: dict[str, list[dict[str, Any]]] = {
 
 
 def gateway_config(listening: dict[str, int]) -> dict[str, Any]:
-    """The same device on each port. listening: the TCP ports of 127.0.0.1, by make."""
+    """The same device on each port. listening: the TCP ports of 127.0.0.1, by make or name."""
     serial = {"active": 1, "baud_rate": BAUD_RATE, "data_bits": 8, "stop_bits": 1, "parity": 0}
     slaves = [{"id": UNIT, **patience(PATIENCE_MS), **OBJECTS}]
     ports = [{"value": port, **serial, "slaves": slaves} for port in SERIAL_PORTS.values()]
     for make, port in TCP_PORTS.items():
         host = {"host": "127.0.0.1", "tcp_port": listening[make]}
+        ports.append({"value": port, "active": 1, **host, "slaves": slaves})
+    for name, port in RTU_PORTS.items():
+        host = {"host": "127.0.0.1", "tcp_port": listening[name], "framing": "rtu"}
         ports.append({"value": port, "active": 1, **host, "slaves": slaves})
     return {"port": ports}
 
@@ -135,11 +143,21 @@ def peers(programs: Path) -> Iterator[dict[str, Peer]]:
     """All devices, powered on and read, by their names."""
     directory = run_directory()
     (directory / "dev").mkdir()
-    listening = {make: free_port() for make in MAKES}
-    config = listening_on(gateway_config(listening), free_port())
     with contextlib.ExitStack() as stack:
         stack.callback(remove, directory)
-        devices: dict[str, tuple[int, Device]] = {}
+        stack.enter_context(line(directory / "server", directory / "behind"))
+        server = stack.enter_context(device_server(directory / "server"))
+        listening = {name: free_port() for name in (*MAKES, "pymodbus-rtu")} | {
+            "libmodbus-server": server.port
+        }
+        config = listening_on(gateway_config(listening), free_port())
+        made = {
+            "pymodbus-rtu": PymodbusRtuDevice(listening["pymodbus-rtu"]),
+            "libmodbus-server": LibmodbusDevice(directory / "behind"),
+        }
+        devices: dict[str, tuple[int, Device]] = {
+            name: (RTU_PORTS[name], stack.enter_context(powered(device))) for name, device in made.items()
+        }
         for name, make in MAKES.items():
             end = directory / name
             stack.enter_context(line(directory / "dev" / f"ttyS{SERIAL_PORTS[name]}", end))

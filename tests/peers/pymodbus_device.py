@@ -6,7 +6,7 @@ import threading
 from collections.abc import Coroutine, Sequence
 from typing import Any
 
-from pymodbus import ModbusDeviceIdentification
+from pymodbus import FramerType, ModbusDeviceIdentification
 from pymodbus.pdu import ModbusPDU
 from pymodbus.server import ModbusSerialServer, ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
@@ -28,6 +28,7 @@ def _registers() -> list[SimData]:
 
 class PymodbusDevice(Device):
     identity: ModbusDeviceIdentification | None = None
+    framer = FramerType.SOCKET  # on TCP
     _server: ModbusSerialServer | ModbusTcpServer
 
     def start(self) -> None:
@@ -56,7 +57,11 @@ class PymodbusDevice(Device):
         if isinstance(self.place, int):
             address = ("127.0.0.1", self.place)
             self._server = ModbusTcpServer(
-                memory, address=address, identity=self.identity, trace_pdu=self._trace
+                memory,
+                address=address,
+                framer=self.framer,
+                identity=self.identity,
+                trace_pdu=self._trace,
             )
         else:
             self._server = ModbusSerialServer(
@@ -71,3 +76,9 @@ class PymodbusDevice(Device):
 
     def _run(self, work: Coroutine[Any, Any, Any]) -> Any:
         return asyncio.run_coroutine_threadsafe(work, self._loop).result(ANSWER_TIMEOUT_S)
+
+
+class PymodbusRtuDevice(PymodbusDevice):
+    """On TCP, it takes and gives the frames of a serial line."""
+
+    framer = FramerType.RTU

@@ -50,12 +50,12 @@ struct modbus_port {
 	uint16_t module;       /* number of that process; planned by its kind */
 	uint16_t first_device; /* place among the slaves */
 	uint16_t device_count;
-	uint8_t stop_bits;           /* 1, 2 */
-	uint8_t parity;              /* enum modbus_parity */
-	uint32_t baud;               /* bit/s */
-	uint8_t rs485;               /* enum modbus_rs485 */
-	uint8_t before_ms, after_ms; /* that mode's delays around a frame, 0..100 */
-	uint8_t reserved;
+	uint8_t stop_bits;             /* 1, 2 */
+	uint8_t parity;                /* enum modbus_parity */
+	uint32_t baud;                 /* bit/s */
+	uint8_t rs485;                 /* enum modbus_rs485 */
+	uint8_t before_ms, after_ms;   /* that mode's delays around a frame, 0..100 */
+	uint8_t framing;               /* enum modbus_framing */
 	uint16_t tcp_port;             /* of a TCP connection, which has nothing of a serial line; else 0 */
 	uint16_t settle_ms;            /* from a connection to the first request on it */
 	char device[MODBUS_PATH_SIZE]; /* the serial device's path; the IP address of a TCP connection */
@@ -207,7 +207,7 @@ static inline bool modbus_is_broadcast(const struct map_config *config, uint32_t
 {
 	const struct modbus_slave *is = &modbus_slaves(config)[slave];
 
-	return is->unit == MODBUS_BROADCAST && !modbus_is_tcp(&modbus_ports(config)[is->port]);
+	return is->unit == MODBUS_BROADCAST && modbus_ports(config)[is->port].framing == MODBUS_FRAMING_RTU;
 }
 
 /* A bit, or two neighbours, of a register. */

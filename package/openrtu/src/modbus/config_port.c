@@ -11,6 +11,7 @@
 #define KEY_HOST     "host"
 #define KEY_TCP_PORT "tcp_port"
 #define KEY_SETTLE   "settle_ms"
+#define KEY_FRAMING  "framing"
 
 #define TCP_PORT_DEFAULT 502
 #define DATA_BITS_RTU    8
@@ -49,6 +50,7 @@ enum {
 	PORT_HOST = PORT_KEYS, /* the keys of Modbus TCP, of a port that is not active */
 	PORT_TCP_PORT,
 	PORT_SETTLE,
+	PORT_FRAMING,
 	INACTIVE_PORT_KEYS
 };
 static const struct config_rule port_rules[PORT_KEYS] = {
@@ -115,6 +117,7 @@ static const struct config_rule inactive_port_rules[INACTIVE_PORT_KEYS] = {
     [PORT_HOST] = {KEY_HOST, CONFIG_ANYTHING},
     [PORT_TCP_PORT] = {KEY_TCP_PORT, CONFIG_ANYTHING},
     [PORT_SETTLE] = {KEY_SETTLE, CONFIG_ANYTHING},
+    [PORT_FRAMING] = {KEY_FRAMING, CONFIG_ANYTHING},
 };
 
 CONFIG_SHARED_TABLE(modbus_inactive_table, .name = "inactive_port", .rules = inactive_port_rules,
@@ -125,7 +128,18 @@ CONFIG_SHARED_TABLE(modbus_inactive_table, .name = "inactive_port", .rules = ina
 		    }));
 
 /* A Modbus TCP connection has nothing of a serial port, and none of the board's numbers. */
-enum { TCP_VALUE, TCP_ACTIVE, TCP_HOST, TCP_PORT, TCP_SLAVES, TCP_PROCESS, TCP_SETTLE, TCP_KEYS };
+enum {
+	TCP_VALUE,
+	TCP_ACTIVE,
+	TCP_HOST,
+	TCP_PORT,
+	TCP_SLAVES,
+	TCP_PROCESS,
+	TCP_SETTLE,
+	TCP_FRAMING,
+	TCP_KEYS
+};
+static const char *const framings[] = {[MODBUS_FRAMING_RTU] = "rtu", [MODBUS_FRAMING_TCP] = "tcp", NULL};
 static const struct config_rule tcp_rules[TCP_KEYS] = {
     [TCP_VALUE] =
 	{"value", CONFIG_INTEGER, .required = true, .low = COUNT(board_devices) + 1, .high = MODBUS_PORTS_MAX,
@@ -151,8 +165,18 @@ static const struct config_rule tcp_rules[TCP_KEYS] = {
 			"Milliseconds between a connection and the first request on it, at least. A longer "
 			"time that the peer needs is learned.",
 			.see = "limit.md#connections")},
+    [TCP_FRAMING] =
+	{KEY_FRAMING, CONFIG_CHOICE, .choices = framings, .fallback = MODBUS_FRAMING_TCP,
+	 CONFIG_SAYS("How frames stand on the connection: tcp, with the header of Modbus TCP; rtu, as on a "
+		     "serial line, with a CRC: of a serial device server that passes on what it is sent. "
+		     "Then the slaves are those of a line, and id 0 is the broadcast.",
+		     .see = "configuration.md#rtu-over-tcp")},
 };
-CONFIG_SHARED_TABLE(modbus_tcp_table, .name = "tcp_connection", .rules = tcp_rules, .count = TCP_KEYS);
+CONFIG_SHARED_TABLE(modbus_tcp_table, .name = "tcp_connection", .rules = tcp_rules, .count = TCP_KEYS,
+		    .json = CONFIG_JSON({
+			    "if" : {"required" : ["framing"], "properties" : {"framing" : {"const" : "rtu"}}},
+			    "then" : {"properties" : {"slaves" : {"items" : {"$ref" : "#/$defs/slave"}}}}
+		    }));
 
 static bool is_inactive(const json_t *port)
 {
@@ -328,6 +352,7 @@ static void read_tcp_port(struct modbus_loader *loader, const struct config_plac
 	    .process = (uint16_t)values[TCP_PROCESS].integer,
 	    .first_device = (uint16_t)config->set_count,
 	    .settle_ms = (uint16_t)values[TCP_SETTLE].integer,
+	    .framing = (uint8_t)values[TCP_FRAMING].integer,
 	    .tcp_port = values[TCP_PORT].wrong ? TCP_PORT_DEFAULT : (uint16_t)values[TCP_PORT].integer,
 	};
 	if (values[TCP_HOST].given) {

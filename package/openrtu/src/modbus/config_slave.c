@@ -176,7 +176,7 @@ CONFIG_SHARED_TABLE(modbus_tcp_slave_table, .name = "tcp_slave", .rules = slave_
 static void rules_of_line(const struct modbus_port *line, struct config_rule rules[SLAVE_KEYS])
 {
 	memcpy(rules, slave_rules, sizeof(slave_rules));
-	if (modbus_is_tcp(line))
+	if (line->framing == MODBUS_FRAMING_TCP)
 		rules[SLAVE_ID] = tcp_id_rule;
 }
 
@@ -466,7 +466,7 @@ static void read_slave(struct modbus_loader *loader, const struct config_place *
 	if (values[SLAVE_ID].given) {
 		check_unit(loader, place, values[SLAVE_ID].integer);
 		claim_unit(loader, place, values[SLAVE_ID].integer, slave_of);
-		if (values[SLAVE_ID].integer == MODBUS_BROADCAST && !modbus_is_tcp(line))
+		if (values[SLAVE_ID].integer == MODBUS_BROADCAST && line->framing == MODBUS_FRAMING_RTU)
 			check_broadcast(loader, place, values);
 	}
 	if (values[SLAVE_OVERRIDES].given && (template != NULL || !values[SLAVE_TEMPLATE].given))

@@ -12,8 +12,8 @@ unsigned modbus_bits_per_char(const struct modbus_port *line)
 
 struct modbus_wire modbus_wire_of(const struct modbus_port *line)
 {
-	struct modbus_wire wire =
-	    modbus_is_tcp(line) ? modbus_wire_tcp() : modbus_wire(line->baud, modbus_bits_per_char(line));
+	struct modbus_wire wire = modbus_is_tcp(line) ? modbus_wire_tcp((enum modbus_framing)line->framing)
+						      : modbus_wire(line->baud, modbus_bits_per_char(line));
 
 	if (line->rs485 != MODBUS_RS485_NONE)
 		wire.before_ns = line->before_ms * NS_PER_MS;

@@ -2,8 +2,6 @@
 #include "line_parts.h"
 #include "map/time_ns.h"
 
-#include <string.h>
-
 #define SETTLE_FIRST_NS (500 * NS_PER_MS)
 #define SLOW_STARTS     2 /* once may be anything */
 
@@ -29,7 +27,7 @@ void modbus_connection_made(struct modbus_line *line, int64_t now_ns)
 
 void modbus_connection_asked(struct modbus_line *line)
 {
-	line->connection.asked = true;
+	line->connection.asked = line->connection.there;
 }
 
 /* ---- it brings something, or nothing ------------------------------------------------------------------ */
@@ -66,6 +64,8 @@ void modbus_connection_answered(struct modbus_line *line)
 {
 	struct modbus_connection *connection = &line->connection;
 
+	if (!connection->there)
+		return;
 	if (connection->answers == 0) {
 		prove_settling(connection);
 		learn_settling(line);
@@ -77,7 +77,7 @@ void modbus_connection_answered(struct modbus_line *line)
 
 void modbus_connection_unanswered(struct modbus_line *line)
 {
-	if (line->connection.vain++ == 0)
+	if (line->connection.there && line->connection.vain++ == 0)
 		line->connection.vain_ns = line->sent_ns;
 }
 
@@ -137,11 +137,11 @@ static void learn_idling(struct modbus_line *line, int64_t now_ns)
 		    connection->idle_ns == 0 ? idle_ns : earlier(connection->idle_ns, idle_ns);
 }
 
-bool modbus_line_interrupted(struct modbus_line *line, int64_t now_ns)
+bool modbus_connection_ended(struct modbus_line *line, int64_t now_ns)
 {
 	struct modbus_connection *connection = &line->connection;
 
-	if (line->state == MODBUS_CLOSED || !connection->there)
+	if (!connection->there)
 		return false;
 	connection->there = false;
 	if (connection->answers == 0 && !connection->trying) {
@@ -152,29 +152,13 @@ bool modbus_line_interrupted(struct modbus_line *line, int64_t now_ns)
 	if (connection->trying && connection->answers == 0)
 		learn_settled(connection, connection->settle_ns);
 	connection->closes++;
-	if (is_under_way(line))
-		modbus_request_torn(line, now_ns);
-	else
+	if (!is_under_way(line))
 		learn_idling(line, now_ns);
-	line->stream_count = 0;
 	return true;
-}
-
-void modbus_line_connected(struct modbus_line *line, int64_t now_ns)
-{
-	line->stream_count = 0;
-	memset(line->overdue, 0, sizeof(line->overdue));
-	modbus_connection_made(line, now_ns);
 }
 
 void modbus_connection_take(struct modbus_connection *connection, int64_t settle_ns)
 {
 	if (settle_ns > 0 && settle_ns <= MODBUS_SETTLE_MAX_NS)
 		learn_settled(connection, settle_ns);
-}
-
-bool modbus_line_is_due(const struct modbus_line *line, int64_t now_ns)
-{
-	return line->state == MODBUS_IDLE && now_ns >= line->silent_ns &&
-	       modbus_is_anything_due(line, now_ns);
 }

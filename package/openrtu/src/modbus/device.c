@@ -361,7 +361,7 @@ void modbus_device_died(struct modbus_line *line, uint32_t index, int64_t now_ns
 /* A process that did not run meanwhile has cost the line more, but that was not the device. */
 static int64_t lost_to_request(const struct modbus_line *line, int64_t now_ns)
 {
-	return earlier(now_ns, line->deadline_ns + MODBUS_GAP_NS) - begun_ns(line);
+	return earlier(now_ns, line->deadline_ns + line->wire.gap_ns) - begun_ns(line);
 }
 
 void modbus_device_silent(struct modbus_line *line, uint32_t index, int64_t now_ns)

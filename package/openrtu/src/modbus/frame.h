@@ -39,6 +39,12 @@ enum modbus_function {
 	MODBUS_MASK_WRITE_REGISTER = 22,
 };
 
+/* How a body becomes a frame. */
+enum modbus_framing {
+	MODBUS_FRAMING_RTU, /* with a CRC behind it */
+	MODBUS_FRAMING_TCP, /* with the MBAP header before it */
+};
+
 struct modbus_request {
 	uint8_t unit;
 	uint8_t function; /* enum modbus_function */

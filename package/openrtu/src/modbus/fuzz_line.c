@@ -115,14 +115,19 @@ static const struct modbus_events events = {.read = on_read,
 
 /* ---- what happens ------------------------------------------------------------------------------ */
 
+static bool is_framed(void)
+{
+	return line.wire.framing == MODBUS_FRAMING_TCP;
+}
+
 static size_t prefix_length(void)
 {
-	return line.wire.tcp ? MODBUS_MBAP_PREFIX : 0;
+	return is_framed() ? MODBUS_MBAP_PREFIX : 0;
 }
 
 static bool is_whole(const struct modbus_output *output)
 {
-	if (line.wire.tcp)
+	if (is_framed())
 		return modbus_mbap_length(output->frame, output->length) == output->length;
 	return modbus_crc_valid(output->frame, output->length);
 }
@@ -146,7 +151,7 @@ static void poll_line(void)
 
 	CHECK(output.deadline_ns > now);
 	if (output.reconnect) {
-		CHECK(line.wire.tcp && output.length == 0);
+		CHECK(line.wire.connection && output.length == 0);
 		modbus_line_connected(&line, now);
 		output = modbus_line_poll(&line, now);
 		CHECK(!output.reconnect && output.deadline_ns > now);
@@ -171,7 +176,7 @@ static void hang_up(void)
 		lose_port();
 		return;
 	}
-	CHECK(line.wire.tcp && line.state == MODBUS_IDLE);
+	CHECK(line.wire.connection && line.state == MODBUS_IDLE);
 	request_length = 0;
 	modbus_line_connected(&line, now);
 	poll_line();
@@ -189,7 +194,7 @@ static void receive(const uint8_t *octets, size_t length)
 {
 	note_refusals(octets, length);
 	if (!modbus_line_receive(&line, octets, length, now)) {
-		CHECK(line.wire.tcp);
+		CHECK(is_framed());
 		lose_port();
 	}
 	poll_line();
@@ -202,7 +207,7 @@ static void seal_and_receive(uint8_t *frame, size_t length)
 	const uint8_t head[] = {transaction[0],         transaction[1],          0, 0,
 				(uint8_t)(length >> 8), (uint8_t)(length & 0xFF)};
 
-	if (line.wire.tcp) {
+	if (is_framed()) {
 		memmove(frame + sizeof(head), frame, length);
 		memcpy(frame, head, sizeof(head));
 		receive(frame, sizeof(head) + length);
@@ -331,7 +336,7 @@ static void check_learned(void)
 	}
 }
 
-static void begin(bool tcp)
+static void begin(struct modbus_wire wire)
 {
 	static const uint8_t functions[] = {1, 2, 3, 4};
 
@@ -356,15 +361,22 @@ static void begin(bool tcp)
 				    .device_count = DEVICES,
 				    .commands = commands,
 				    .command_capacity = COMMANDS_MAX,
-				    .wire = tcp ? modbus_wire_tcp() : modbus_wire(19200, 11)};
+				    .wire = wire};
 	modbus_line_init(&line);
 	modbus_line_open(&line, now);
+}
+
+static struct modbus_wire wire_of(uint8_t octet)
+{
+	if (octet & 1)
+		return modbus_wire_tcp(MODBUS_FRAMING_TCP);
+	return octet & 2 ? modbus_wire_tcp(MODBUS_FRAMING_RTU) : modbus_wire(19200, 11);
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
 	input = (struct input){.at = data, .end = data + size};
-	begin(size > 0 && data[size - 1] & 1);
+	begin(wire_of(size > 0 ? data[size - 1] : 0));
 	poll_line();
 	while (input.at < input.end)
 		step();

@@ -106,7 +106,8 @@ static void print_medium(const struct modbus_port *config, FILE *out)
 	    [MODBUS_PARITY_NONE] = 'N', [MODBUS_PARITY_ODD] = 'O', [MODBUS_PARITY_EVEN] = 'E'};
 
 	if (modbus_is_tcp(config))
-		fprintf(out, "port %u: %s port %u, ", config->port, config->device, config->tcp_port);
+		fprintf(out, "port %u: %s port %u, %s", config->port, config->device, config->tcp_port,
+			config->framing == MODBUS_FRAMING_RTU ? "RTU over TCP, " : "");
 	else
 		fprintf(out, "port %u: %u bit/s 8%c%u, ", config->port, (unsigned)config->baud,
 			parities[config->parity], config->stop_bits);
@@ -135,7 +136,7 @@ static void print_read(const struct modbus_line *line, const struct modbus_devic
 	size_t octets = modbus_request_frame(&request, frame) + modbus_answer_length(&request);
 
 	/* Each of the two frames has MBAP's prefix, and no CRC. */
-	if (line->wire.tcp)
+	if (line->wire.framing == MODBUS_FRAMING_TCP)
 		octets += 2 * (MODBUS_MBAP_PREFIX - MODBUS_CRC_LENGTH);
 	fprintf(out, "  %4u  %8u  %7u  %5u  %6zu  %7.2f", device->unit, read->function, read->address,
 		read->count, octets, (double)modbus_limit_read_ns(line, device, read, false) / NS_PER_MS);
@@ -147,7 +148,7 @@ static void print_read(const struct modbus_line *line, const struct modbus_devic
 /* Of a device on TCP nothing is assumed. */
 static void print_reaction(const struct modbus_line *line, const struct modbus_limits *limits, FILE *out)
 {
-	if (limits->reaction_ns == 0 && line->wire.tcp)
+	if (limits->reaction_ns == 0 && line->wire.connection)
 		return;
 	fprintf(out, ", reacts in %.1f ms%s", (double)modbus_reaction_ns(limits) / NS_PER_MS,
 		limits->reaction_ns == 0 ? " (assumed)" : "");
@@ -173,7 +174,7 @@ static void print_requests(const struct map_config *config, const struct modbus_
 {
 	if (line_requests(line) == 0)
 		return;
-	if (line->wire.tcp)
+	if (line->wire.connection)
 		fprintf(out, "  a request takes as long as its answer does, but at least %.0f ms\n",
 			(double)line->wire.least_ns / NS_PER_MS);
 	else

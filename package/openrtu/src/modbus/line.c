@@ -32,11 +32,11 @@ static void take_late_answer(struct modbus_line *line, struct modbus_device *dev
 	device->trust_ns = later(device->trust_ns, line->deadline_ns + MODBUS_LATE_NS);
 }
 
-/* Nothing is awaited then that could be taken for it. */
+/* Nothing is awaited then that could be taken for it. A connection has no transceiver that hears itself. */
 static bool is_echo_of_broadcast(const struct modbus_line *line)
 {
-	return line->state != MODBUS_WAITING && line->request.unit == MODBUS_BROADCAST &&
-	       line->strays == line->frame_length &&
+	return !line->wire.connection && line->state != MODBUS_WAITING &&
+	       line->request.unit == MODBUS_BROADCAST && line->strays == line->frame_length &&
 	       memcmp(line->received, line->frame, line->frame_length) == 0;
 }
 
@@ -68,6 +68,8 @@ static void remove_strays(struct modbus_line *line, int64_t now_ns)
 	struct modbus_device *debtor;
 
 	take_late_answers(line, now_ns);
+	if (modbus_crc_valid(line->received, line->strays))
+		modbus_connection_answered(line);
 	if (!modbus_crc_valid(line->received, line->strays))
 		line->counters.noise_bytes += (uint32_t)line->strays;
 	else if (is_echo_of_broadcast(line))
@@ -97,7 +99,7 @@ static bool take_echo(struct modbus_line *line)
 {
 	struct modbus_device *device = &line->devices[line->device];
 
-	if (line->echoed || line->received_count > line->frame_length ||
+	if (line->wire.connection || line->echoed || line->received_count > line->frame_length ||
 	    memcmp(line->received, line->frame, line->received_count) != 0)
 		return false;
 	if (line->received_count < line->frame_length)
@@ -136,6 +138,7 @@ static bool take_answer(struct modbus_line *line, int64_t now_ns)
 				modbus_learn_latency(device, device->counters.latency_us * NS_PER_US);
 			line->received_count -= length;
 			memmove(line->received, line->received + length, line->received_count);
+			modbus_connection_answered(line);
 			modbus_request_answered(line, frame, is_exception, now_ns);
 			return true;
 		}
@@ -167,14 +170,14 @@ static int64_t heard_ns(const struct modbus_line *line)
 
 static bool is_bursting(const struct modbus_line *line, int64_t now_ns)
 {
-	return line->received_count > 0 && now_ns < heard_ns(line) + MODBUS_GAP_NS;
+	return line->received_count > 0 && now_ns < heard_ns(line) + line->wire.gap_ns;
 }
 
 /* The end of an answer that begins at the very end of the response time. */
 static int64_t last_moment(const struct modbus_line *line)
 {
 	return line->deadline_ns + (int64_t)modbus_answer_length(&line->request) * line->wire.char_ns +
-	       MODBUS_GAP_NS;
+	       line->wire.gap_ns;
 }
 
 static void await_answer(struct modbus_line *line, int64_t now_ns)
@@ -195,7 +198,7 @@ static void await_turnaround(struct modbus_line *line, int64_t now_ns)
 	modbus_end_command(line, MODBUS_DONE, 0);
 }
 
-/* ---- a serial line ------------------------------------------------------------------------------------- */
+/* ---- RTU frames -------------------------------------------------------------------------------------- */
 
 static void keep_byte(struct modbus_line *line, uint8_t byte, int64_t now_ns)
 {
@@ -266,11 +269,11 @@ static void remember_unanswered(struct modbus_line *line)
 	modbus_add_unanswered(&line->devices[line->device], &line->request, line->sent_ns);
 }
 
-static const struct modbus_backend serial = {.build = build,
-					     .receive = receive,
-					     .remember_unanswered = remember_unanswered,
-					     .rest_ns = MODBUS_GAP_NS,
-					     .answers_are_alike = true};
+static const struct modbus_framer rtu_framer = {.build = build,
+						.receive = receive,
+						.remember_unanswered = remember_unanswered,
+						.rest_ns = MODBUS_GAP_NS,
+						.answers_are_alike = true};
 
 /* ---- the line ------------------------------------------------------------------------------------------ */
 
@@ -286,7 +289,8 @@ void modbus_line_init(struct modbus_line *line)
 	for (uint32_t i = 0; i < line->device_count; i++) {
 		struct modbus_device *device = &line->devices[i];
 
-		device->broadcast = device->unit == MODBUS_BROADCAST && !line->wire.tcp;
+		device->broadcast =
+		    device->unit == MODBUS_BROADCAST && line->wire.framing == MODBUS_FRAMING_RTU;
 		modbus_pause_begin(&device->pause, device->pause_ns);
 		modbus_objects_sort(device->objects, device->object_count);
 		modbus_replan(line, device);
@@ -296,14 +300,14 @@ void modbus_line_init(struct modbus_line *line)
 
 void modbus_line_open(struct modbus_line *line, int64_t now_ns)
 {
-	line->backend = line->wire.tcp ? &modbus_stream : &serial;
+	line->framer = line->wire.framing == MODBUS_FRAMING_TCP ? &modbus_tcp_framer : &rtu_framer;
 	for (uint32_t i = 0; i < line->device_count; i++) {
 		line->devices[i].backoff_ns = 0;
 		line->devices[i].timeout_ns = line->devices[i].slowest_ns = 0;
 		line->devices[i].failures = 0;
 		line->devices[i].next_probe_ns = line->devices[i].lone_probe_ns = now_ns;
 		line->devices[i].inherited =
-		    line->backend->answers_are_alike && modbus_is_readable(&line->devices[i]);
+		    line->framer->answers_are_alike && modbus_is_readable(&line->devices[i]);
 		line->devices[i].trust_ns =
 		    later(line->devices[i].trust_ns,
 			  now_ns + line->devices[i].response_timeout_ns + MODBUS_LATE_NS);
@@ -314,8 +318,8 @@ void modbus_line_open(struct modbus_line *line, int64_t now_ns)
 	line->turn = line->probe_turn = 0;
 	line->probed_in_vain = line->scan_begun = line->scan_held = false;
 	line->commands_in_row = line->due_in_row = 0;
-	modbus_end(line, now_ns + line->backend->rest_ns, now_ns);
-	if (line->wire.tcp)
+	modbus_end(line, now_ns + line->framer->rest_ns, now_ns);
+	if (line->wire.connection)
 		modbus_connection_made(line, now_ns);
 }
 
@@ -325,12 +329,42 @@ void modbus_line_close(struct modbus_line *line, int64_t now_ns)
 			  line->state == MODBUS_TURNAROUND;
 
 	if (line->state == MODBUS_WAITING)
-		line->backend->remember_unanswered(line);
+		line->framer->remember_unanswered(line);
 	line->state = MODBUS_CLOSED;
 	line->connection.there = false;
 	if (commanding)
 		modbus_end_command(line, MODBUS_TIMED_OUT, 0);
 	lose_all(line, now_ns);
+}
+
+/* Of a frame, whose end does not come any more. */
+static void forget_beginning(struct modbus_line *line)
+{
+	line->stream_count = 0;
+	line->received_count = line->strays = 0;
+}
+
+bool modbus_line_interrupted(struct modbus_line *line, int64_t now_ns)
+{
+	if (line->state == MODBUS_CLOSED || !modbus_connection_ended(line, now_ns))
+		return false;
+	if (line->state == MODBUS_WAITING)
+		modbus_request_torn(line, now_ns);
+	forget_beginning(line);
+	return true;
+}
+
+void modbus_line_connected(struct modbus_line *line, int64_t now_ns)
+{
+	forget_beginning(line);
+	memset(line->overdue, 0, sizeof(line->overdue));
+	modbus_connection_made(line, now_ns);
+}
+
+bool modbus_line_is_due(const struct modbus_line *line, int64_t now_ns)
+{
+	return line->state == MODBUS_IDLE && now_ns >= line->silent_ns &&
+	       modbus_is_anything_due(line, now_ns);
 }
 
 bool modbus_line_command(struct modbus_line *line, const struct modbus_command *command)
@@ -348,7 +382,7 @@ bool modbus_line_receive(struct modbus_line *line, const uint8_t *bytes, size_t 
 	if (line->state == MODBUS_WAITING && line->purpose == MODBUS_SCAN &&
 	    now_ns >= last_moment(line) + MODBUS_LATE_NS)
 		modbus_request_timed_out(line, now_ns);
-	return line->backend->receive(line, bytes, length, now_ns);
+	return line->framer->receive(line, bytes, length, now_ns);
 }
 
 static size_t leave_idle(struct modbus_line *line, int64_t now_ns)
@@ -377,7 +411,7 @@ static int64_t next_deadline(const struct modbus_line *line, int64_t now_ns)
 		return modbus_next_due(line, now_ns);
 	case MODBUS_WAITING:
 		if (is_bursting(line, now_ns))
-			return earlier(heard_ns(line) + MODBUS_GAP_NS, last_moment(line));
+			return earlier(heard_ns(line) + line->wire.gap_ns, last_moment(line));
 		return line->deadline_ns;
 	case MODBUS_TURNAROUND:
 		return line->deadline_ns;
@@ -393,7 +427,7 @@ struct modbus_output modbus_line_poll(struct modbus_line *line, int64_t now_ns)
 		await_answer(line, now_ns);
 	else if (line->state == MODBUS_TURNAROUND)
 		await_turnaround(line, now_ns);
-	if (line->state == MODBUS_IDLE && line->wire.tcp)
+	if (line->state == MODBUS_IDLE)
 		output.reconnect = modbus_connection_is_hung(line, now_ns);
 	if (line->state == MODBUS_IDLE && !output.reconnect)
 		output.length = leave_idle(line, now_ns);

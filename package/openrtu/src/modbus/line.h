@@ -35,7 +35,7 @@
  * most. While no device of the line lives, a probe costs nobody anything: then the pause only doubles. A device with
  * probe_max_ns is never left alone for longer than that, whatever its probes then cost.
  *
- * On TCP (wire.tcp) an answer says by its transaction which request it answers: none can be mistaken for another's, so the
+ * An answer of Modbus TCP (wire.framing) says by its transaction which request it answers: none can be mistaken for another's, so the
  * line goes on at once after a time-out. One request is under way at a time, as many devices want it. There are no
  * silences, no noise and no echo. What a gateway on the way says of a device that it cannot reach (exceptions 10 and 11)
  * is this device's silence.
@@ -66,7 +66,6 @@
 
 #define MODBUS_NEVER           INT64_MAX
 #define MODBUS_LATE_NS         NS_PER_S          /* how long after its time-out an answer may still come */
-#define MODBUS_GAP_NS          (50 * NS_PER_MS)  /* inside a frame; what a busy system's driver may add */
 #define MODBUS_BABBLE_NS       NS_PER_S          /* a line that is not silent for so long is unusable */
 #define MODBUS_BROADCAST_NS    (100 * NS_PER_MS) /* MODBUS over Serial Line, 2.4.1: turnaround 100..200 ms */
 #define MODBUS_FIRST_PROBE_NS  NS_PER_S          /* back-off of a dead device or a refused object: */
@@ -228,7 +227,7 @@ struct modbus_line {
 	enum modbus_line_state state;
 
 	/* The line's own. */
-	const struct modbus_backend *backend; /* since it was opened */
+	const struct modbus_framer *framer; /* since it was opened */
 	uint32_t command_count;
 	uint32_t commands_in_row; /* since the last poll */
 	uint32_t due_in_row;      /* since the last read of the scan */

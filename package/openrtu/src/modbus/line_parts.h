@@ -11,8 +11,8 @@ static inline int64_t begun_ns(const struct modbus_line *line)
 	return line->sent_ns - (int64_t)line->frame_length * line->wire.char_ns - line->wire.before_ns;
 }
 
-/* What a serial line and a TCP connection do each in their own way. */
-struct modbus_backend {
+/* What RTU frames and those of Modbus TCP do each in their own way. */
+struct modbus_framer {
 	/* line->request as a frame, in line->frame. Returns its length. */
 	size_t (*build)(struct modbus_line *line);
 	/* modbus_line_receive. */
@@ -129,15 +129,17 @@ bool modbus_is_anything_due(const struct modbus_line *line, int64_t now_ns);
 /* ---- connection.c ------------------------------------------------------------------------ */
 
 void modbus_connection_made(struct modbus_line *line, int64_t now_ns);
-/* A request is sent on it; it brought a frame; a request was not answered. */
+/* A request is sent on it; it brought a frame; a request was not answered. A line without one takes no notice. */
 void modbus_connection_asked(struct modbus_line *line);
 void modbus_connection_answered(struct modbus_line *line);
 void modbus_connection_unanswered(struct modbus_line *line);
+/* The peer has hung up. True: that is no fault. */
+bool modbus_connection_ended(struct modbus_line *line, int64_t now_ns);
 /* True: it is, and has been given up. */
 bool modbus_connection_is_hung(struct modbus_line *line, int64_t now_ns);
 
 /* ---- stream.c ---------------------------------------------------------------------------- */
 
-extern const struct modbus_backend modbus_stream;
+extern const struct modbus_framer modbus_tcp_framer;
 
 #endif

@@ -17,15 +17,18 @@
 
 struct modbus_wire modbus_wire(uint32_t baud, unsigned bits_per_char)
 {
-	struct modbus_wire wire = {.char_ns = NS_PER_S * bits_per_char / baud};
+	struct modbus_wire wire = {.char_ns = NS_PER_S * bits_per_char / baud, .gap_ns = MODBUS_GAP_NS};
 
 	wire.silence_ns = baud > FAST_BAUD ? FAST_SILENCE_NS : wire.char_ns * 7 / 2;
 	return wire;
 }
 
-struct modbus_wire modbus_wire_tcp(void)
+struct modbus_wire modbus_wire_tcp(enum modbus_framing framing)
 {
-	return (struct modbus_wire){.least_ns = TCP_LEAST_NS, .tcp = true};
+	return (struct modbus_wire){.least_ns = TCP_LEAST_NS,
+				    .gap_ns = MODBUS_TCP_GAP_NS,
+				    .connection = true,
+				    .framing = (uint8_t)framing};
 }
 
 static int compare_objects(const void *left, const void *right)
@@ -106,7 +109,7 @@ static int64_t duration(const struct modbus_wire *wire, const struct modbus_limi
 {
 	const struct modbus_wire behind = modbus_wire(DEFAULT_BAUD, DEFAULT_BITS);
 
-	if (wire->tcp)
+	if (wire->connection)
 		return modbus_read_ns(&behind, read->function, read->count, MODBUS_REACTION_NS);
 	return modbus_read_ns(wire, read->function, read->count, modbus_reaction_ns(limits));
 }

@@ -9,6 +9,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "frame.h"
+#include "map/time_ns.h"
+
 /* Assumed of a device: from the silence that ends a request to the answer's first character. */
 #define MODBUS_REACTION_NS 5000000LL
 
@@ -54,6 +57,10 @@ struct modbus_read {
 	int64_t due_ns;          /* 0: at once */
 };
 
+/* Inside a frame: what a busy system's driver may add; what a network may, that sends a lost segment again. */
+#define MODBUS_GAP_NS     (50 * NS_PER_MS)
+#define MODBUS_TCP_GAP_NS (500 * NS_PER_MS)
+
 /* Durations of one line. */
 struct modbus_wire {
 	int64_t char_ns;
@@ -61,14 +68,16 @@ struct modbus_wire {
 	int64_t
 	    before_ns; /* from the order to send until the first character: the port switches the direction */
 	int64_t least_ns; /* from one request to the next, whatever it takes */
-	bool tcp;         /* Modbus TCP: a connection, and no wire. All durations but the last are 0 */
+	int64_t gap_ns;   /* the most between two octets of a frame */
+	bool connection;  /* and no wire: the durations of one are 0 */
+	uint8_t framing;  /* enum modbus_framing */
 };
 
 /*
- * Of a Modbus TCP connection. Nothing but the device holds back its requests, and a fast one would keep this processor
- * busy: so there are 100 a second at most.
+ * Of a TCP connection. Nothing but the device holds back its requests, and a fast one would keep this processor busy: so there
+ * are 100 a second at most.
  */
-struct modbus_wire modbus_wire_tcp(void);
+struct modbus_wire modbus_wire_tcp(enum modbus_framing framing);
 
 /* Durations at that speed. bits_per_char: start, data, parity and stop bits, 10..12. */
 struct modbus_wire modbus_wire(uint32_t baud, unsigned bits_per_char);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* What a line makes of the stream of a TCP connection: MODBUS Messaging on TCP/IP Implementation Guide V1.0b, 4.4.2. */
+/* What a line makes of the frames of Modbus TCP: MODBUS Messaging on TCP/IP Implementation Guide V1.0b, 4.4.2. */
 #include "line_parts.h"
 #include "map/time_ns.h"
 
@@ -58,13 +58,11 @@ static void take_frame(struct modbus_line *line, const uint8_t *frame, size_t le
 
 static size_t build(struct modbus_line *line)
 {
-	modbus_connection_asked(line);
 	return modbus_mbap_frame(&line->request, ++line->transaction, line->frame);
 }
 
 static void remember_unanswered(struct modbus_line *line)
 {
-	modbus_connection_unanswered(line);
 	line->overdue[line->overdue_count++ % MODBUS_OVERDUE_MAX] =
 	    (struct modbus_overdue){.transaction = line->transaction,
 				    .unit = line->request.unit,
@@ -90,5 +88,5 @@ static bool receive(struct modbus_line *line, const uint8_t *bytes, size_t lengt
 	return true;
 }
 
-const struct modbus_backend modbus_stream = {
+const struct modbus_framer modbus_tcp_framer = {
     .build = build, .receive = receive, .remember_unanswered = remember_unanswered, .has_gateways = true};

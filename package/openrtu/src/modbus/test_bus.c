@@ -198,6 +198,12 @@ static size_t answer_of(struct slave *slave, const struct modbus_request *reques
 	return seal(frame, 6);
 }
 
+/* By Modbus TCP, where no frame has a CRC, and no unit is a broadcast. */
+static bool is_framed(void)
+{
+	return bus.line.wire.framing == MODBUS_FRAMING_TCP;
+}
+
 static size_t spoil(struct slave *slave, uint8_t *frame, size_t length)
 {
 	if (slave->faults == 0)
@@ -207,7 +213,7 @@ static size_t spoil(struct slave *slave, uint8_t *frame, size_t length)
 	case MUTE:
 		return 0;
 	case CORRUPT:
-		frame[3] ^= bus.line.wire.tcp ? 0 : 0x10;
+		frame[3] ^= is_framed() ? 0 : 0x10;
 		return length;
 	case TRUNCATED:
 		return length - 2;
@@ -282,7 +288,7 @@ static bool is_ignored(const struct modbus_request *request)
 {
 	bool early = bus.now_ns < bus.connected_ns + bus.peer.settle_ns;
 
-	if (!bus.line.wire.tcp)
+	if (!bus.line.wire.connection)
 		return false;
 	if (bus.peer.hangs_up_at && request->count > 1 && request->address >= bus.peer.hated)
 		hang_up_at(bus.now_ns + MS);
@@ -341,7 +347,7 @@ static void slave_takes(struct slave *slave, const struct modbus_request *reques
 	uint8_t frame[2 * MODBUS_FRAME_MAX];
 	int64_t start = bus.busy_ns > slave->free_ns ? bus.busy_ns : slave->free_ns;
 
-	bool broadcast = request->unit == MODBUS_BROADCAST && !bus.line.wire.tcp;
+	bool broadcast = request->unit == MODBUS_BROADCAST && !is_framed();
 
 	if (!slave->present || (request->unit != slave->unit && !broadcast))
 		return;
@@ -361,7 +367,7 @@ static void slave_takes(struct slave *slave, const struct modbus_request *reques
 	length = spoil(slave, frame, length);
 	if (length == 0)
 		return;
-	if (bus.line.wire.tcp)
+	if (is_framed())
 		length = framed(frame, length);
 	start += slave->reaction_ns + extra_ns(slave, request);
 	if (slave->late > 0) {
@@ -412,7 +418,7 @@ static void take_output(const struct modbus_output *output)
 	bus.busy_ns = bus.now_ns + (int64_t)output->length * bus.line.wire.char_ns;
 	uint8_t frame[MODBUS_FRAME_MAX];
 	size_t length = output->length;
-	if (bus.line.wire.tcp)
+	if (is_framed())
 		length = unframed(output, frame);
 	else
 		memcpy(frame, output->frame, length);
@@ -552,25 +558,29 @@ void set_up(void)
 					.wire = modbus_wire(19200, 11)};
 }
 
+void use_connection(enum modbus_framing framing)
+{
+	bus.line.wire = modbus_wire_tcp(framing);
+}
+
 void use_tcp(void)
 {
-	bus.line.wire = modbus_wire_tcp();
+	use_connection(MODBUS_FRAMING_TCP);
 }
 
 void add_device(uint8_t unit, uint8_t retries)
 {
 	uint32_t index = bus.line.device_count++;
 
-	bus.devices[index] =
-	    (struct modbus_device){.unit = unit,
-				   .retries = retries,
-				   .broadcast = unit == MODBUS_BROADCAST && !bus.line.wire.tcp,
-				   .response_timeout_ns = TIMEOUT_NS,
-				   .response_timeout_min_ns = TIMEOUT_NS,
-				   .objects = bus.objects[index],
-				   .reads = bus.reads[index]};
+	bus.devices[index] = (struct modbus_device){.unit = unit,
+						    .retries = retries,
+						    .broadcast = unit == MODBUS_BROADCAST && !is_framed(),
+						    .response_timeout_ns = TIMEOUT_NS,
+						    .response_timeout_min_ns = TIMEOUT_NS,
+						    .objects = bus.objects[index],
+						    .reads = bus.reads[index]};
 	bus.slaves[index] = (struct slave){.unit = unit,
-					   .present = unit != MODBUS_BROADCAST || bus.line.wire.tcp,
+					   .present = unit != MODBUS_BROADCAST || is_framed(),
 					   .missing = -1,
 					   .deaf = -1,
 					   .reaction_ns = REACTION_NS};

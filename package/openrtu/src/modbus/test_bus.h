@@ -136,8 +136,9 @@ void set_up(void);
 void add_device(uint8_t unit, uint8_t retries);
 void add_objects(uint8_t function, uint16_t address, uint16_t count);
 void start(void);
-/* On TCP from then on; to be called before the line starts. */
+/* On TCP from then on, with frames of Modbus TCP or with such; to be called before the line starts. */
 void use_tcp(void);
+void use_connection(enum modbus_framing framing);
 /* One device with eight holding registers, scanned at least once. */
 void start_simple(uint8_t retries);
 

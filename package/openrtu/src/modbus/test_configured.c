@@ -127,7 +127,8 @@ static void test_a_scale_register_is_read_with_its_value(void **state)
 static void test_a_connection_has_no_durations_of_a_wire(void **state)
 {
 	(void)state;
-	struct modbus_port lines[] = {{.port = 7, .tcp_port = 502, .device_count = 1}};
+	struct modbus_port lines[] = {
+	    {.port = 7, .tcp_port = 502, .framing = MODBUS_FRAMING_TCP, .device_count = 1}};
 	struct modbus_slave slaves[] = {{.unit = 255, .response_timeout_ms = 500}};
 	struct map_set sets[] = {{.point_count = 0}};
 	struct map_config config = {.set_count = 1, .sets = sets};
@@ -137,7 +138,7 @@ static void test_a_connection_has_no_durations_of_a_wire(void **state)
 	map_add_section(&config, MODBUS_SLAVES, sizeof(slaves[0]), sizeof(slaves) / sizeof(slaves[0]),
 			slaves);
 	assert_true(modbus_line_configure(&line, &config, 0));
-	assert_true(line.wire.tcp);
+	assert_true(line.wire.connection);
 	assert_int_equal(line.wire.char_ns, 0);
 	assert_int_equal(line.wire.silence_ns, 0);
 	assert_int_equal(line.devices[0].unit, 255);

@@ -98,7 +98,7 @@ static void test_a_hole_is_weighed_against_the_device_s_reaction(void **state)
 static void test_holes_on_tcp_are_those_of_a_line_behind(void **state)
 {
 	(void)state;
-	struct modbus_wire wire = modbus_wire_tcp();
+	struct modbus_wire wire = modbus_wire_tcp(MODBUS_FRAMING_TCP);
 	struct modbus_object near[] = {{0, 0, 3, 1, 0}, {0, 15, 3, 1, 0}};
 	struct modbus_object far[] = {{0, 0, 3, 1, 0}, {0, 16, 3, 1, 0}};
 

@@ -15,9 +15,10 @@ static int64_t timeout_of(const struct modbus_line *line, const struct modbus_de
 size_t modbus_begin(struct modbus_line *line, enum modbus_purpose purpose, uint32_t index, int64_t now_ns)
 {
 	struct modbus_device *device = &line->devices[index];
-	size_t length = line->backend->build(line);
+	size_t length = line->framer->build(line);
 	bool broadcast = device->broadcast;
 
+	modbus_connection_asked(line);
 	line->purpose = purpose;
 	line->device = index;
 	line->garbled = line->echoed = false;
@@ -97,7 +98,7 @@ static void count_answer(struct modbus_line *line, bool exception)
 /* A gateway's word that it does not reach the device: it comes instead of the device's own. */
 static bool is_unreachable(const struct modbus_line *line, uint8_t exception)
 {
-	return line->backend->has_gateways && (exception == MODBUS_NO_PATH || exception == MODBUS_NO_TARGET);
+	return line->framer->has_gateways && (exception == MODBUS_NO_PATH || exception == MODBUS_NO_TARGET);
 }
 
 /* What it did not answer so far was asked too soon: no read is to blame. */
@@ -215,7 +216,8 @@ static void request_unanswered(struct modbus_line *line, bool too_soon, int64_t 
 {
 	struct modbus_device *device = &line->devices[line->device];
 
-	line->backend->remember_unanswered(line);
+	modbus_connection_unanswered(line);
+	line->framer->remember_unanswered(line);
 	modbus_end(line, later(now_ns, line->last_byte_ns + MODBUS_GAP_NS), now_ns);
 	if (line->purpose == MODBUS_COMMAND)
 		modbus_end_command(line, MODBUS_TIMED_OUT, 0);
@@ -228,6 +230,8 @@ void modbus_request_torn(struct modbus_line *line, int64_t now_ns)
 {
 	struct modbus_device *device = &line->devices[line->device];
 
+	/* A server of serial devices gives the next connection what comes late for this one. */
+	line->framer->remember_unanswered(line);
 	modbus_end(line, now_ns, now_ns);
 	if (line->purpose == MODBUS_COMMAND)
 		modbus_end_command(line, MODBUS_TIMED_OUT, 0);

@@ -270,12 +270,22 @@ size_t modbus_begin_next(struct modbus_line *line, int64_t now_ns)
 	return length;
 }
 
+/* It is asked something else at once: only an answer settles what it owes. */
+static bool is_to_settle(const struct modbus_device *device, int64_t now_ns)
+{
+	struct modbus_request probe;
+
+	return device->unanswered_count > 0 && now_ns < device->trust_ns && modbus_find_probe(device, &probe);
+}
+
 static bool is_due(const struct modbus_line *line, const struct modbus_device *device, int64_t now_ns)
 {
 	if (!is_ready(device, now_ns))
 		return false;
 	if (!device->alive)
 		return modbus_is_readable(device) && now_ns >= modbus_probe_due_ns(line, device);
+	if (is_to_settle(device, now_ns))
+		return true;
 	for (uint32_t i = 0; i < device->read_count; i++)
 		if (is_of_scan(&device->reads[i], now_ns) || modbus_period_due(&device->reads[i], now_ns))
 			return true;

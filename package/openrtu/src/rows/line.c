@@ -4,14 +4,15 @@
 #include "modbus/config.h"
 #include "modbus/stats.h"
 
-/* As engineers write it: 19200 8N2, TCP 502 */
+/* As engineers write it: 19200 8N2, TCP 502, RTU over TCP 4001 */
 static json_t *line_format(const struct modbus_port *line)
 {
 	static const char parities[] = {
 	    [MODBUS_PARITY_NONE] = 'N', [MODBUS_PARITY_ODD] = 'O', [MODBUS_PARITY_EVEN] = 'E'};
 
 	if (modbus_is_tcp(line))
-		return json_sprintf("TCP %u", line->tcp_port);
+		return json_sprintf("%s %u", line->framing == MODBUS_FRAMING_RTU ? "RTU over TCP" : "TCP",
+				    line->tcp_port);
 	return json_sprintf("%u 8%c%u", line->baud, parities[line->parity], line->stop_bits);
 }
 

@@ -372,6 +372,24 @@ static void test_unit_0_of_a_connection_is_no_broadcast(void **state)
 	config_free(&config);
 }
 
+/* Behind a server that passes on what it is sent is a line, with its broadcast. */
+static void test_rtu_over_tcp_is_a_line_with_a_connection(void **state)
+{
+	struct map_config config =
+	    load("{'port': [{'value': 7, 'active': 1, 'host': '192.0.2.7', 'framing': 'rtu', 'slaves': "
+		 "[{'id': 0, 'coils': [{'address': 0}]}]}, {'value': 8, 'active': 1, 'host': '192.0.2.8',"
+		 " 'framing': 'tcp', 'slaves': []}, {'value': 9, 'active': 1, 'host': '192.0.2.9',"
+		 " 'slaves': []}]}");
+
+	(void)state;
+	assert_true(modbus_is_tcp(&modbus_ports(&config)[0]));
+	assert_int_equal(modbus_ports(&config)[0].framing, MODBUS_FRAMING_RTU);
+	assert_int_equal(modbus_ports(&config)[1].framing, MODBUS_FRAMING_TCP);
+	assert_int_equal(modbus_ports(&config)[2].framing, MODBUS_FRAMING_TCP);
+	assert_true(config.points[0].flags & MAP_POINT_NEVER_READ);
+	config_free(&config);
+}
+
 static void test_an_object_is_read_back_as_it_says_or_its_slave(void **state)
 {
 	static const bool read_back[] = {true, false, false, true, true};
@@ -524,6 +542,7 @@ int main(void)
 	    cmocka_unit_test(test_an_object_has_its_own_period_or_its_slaves),
 	    cmocka_unit_test(test_a_slave_has_its_limits_or_the_protocols),
 	    cmocka_unit_test(test_unit_0_of_a_connection_is_no_broadcast),
+	    cmocka_unit_test(test_rtu_over_tcp_is_a_line_with_a_connection),
 	    cmocka_unit_test(test_an_object_is_read_back_as_it_says_or_its_slave),
 	    cmocka_unit_test(test_an_object_is_written_elsewhere_or_only_written),
 	    cmocka_unit_test(test_own_station),
