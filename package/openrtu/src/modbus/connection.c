@@ -112,7 +112,7 @@ bool modbus_connection_is_hung(struct modbus_line *line, int64_t now_ns)
 
 static bool is_under_way(const struct modbus_line *line)
 {
-	return line->state == MODBUS_WAITING;
+	return line->state == MODBUS_WAITING || line->state == MODBUS_TURNAROUND;
 }
 
 /* It hung up on its first request, which may have come too soon; where time does not help, it begins anew. */

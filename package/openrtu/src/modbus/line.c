@@ -348,7 +348,7 @@ bool modbus_line_interrupted(struct modbus_line *line, int64_t now_ns)
 {
 	if (line->state == MODBUS_CLOSED || !modbus_connection_ended(line, now_ns))
 		return false;
-	if (line->state == MODBUS_WAITING)
+	if (line->state != MODBUS_IDLE)
 		modbus_request_torn(line, now_ns);
 	forget_beginning(line);
 	return true;

@@ -129,6 +129,26 @@ static void test_unit_0_is_the_broadcast(void **state)
 	assert_true(bus.devices[0].alive);
 }
 
+/* Nobody knows whether the devices have heard it. */
+static void test_a_broadcast_ends_with_its_connection(void **state)
+{
+	(void)state;
+	set_up_device(8);
+	add_device(MODBUS_BROADCAST, 0);
+	start();
+	run_for(SECOND);
+	command(1, MODBUS_WRITE_REGISTER, 3, 7, 1);
+	while (bus.line.state != MODBUS_TURNAROUND)
+		run_for(MS);
+	bus.hang_up_ns = bus.now_ns + 1;
+	run_for(MS);
+	assert_int_equal(bus.commands_done, 1);
+	assert_int_equal(bus.last_result, MODBUS_TIMED_OUT);
+	run_for(SECOND);
+	assert_int_equal(bus.commands_done, 1);
+	assert_true(bus.devices[0].alive);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -139,6 +159,7 @@ int main(void)
 	    cmocka_unit_test(test_an_answer_of_the_connection_before_is_nobodys),
 	    cmocka_unit_test(test_the_beginning_of_an_answer_ends_with_its_connection),
 	    cmocka_unit_test(test_unit_0_is_the_broadcast),
+	    cmocka_unit_test(test_a_broadcast_ends_with_its_connection),
 	};
 	return cmocka_run_group_tests_name("modbus line RTU over TCP", tests, NULL, NULL);
 }

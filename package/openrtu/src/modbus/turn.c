@@ -309,7 +309,7 @@ int64_t modbus_next_due(const struct modbus_line *line, int64_t now_ns)
 	for (uint32_t i = 0; i < line->device_count; i++) {
 		const struct modbus_device *device = &line->devices[i];
 
-		if (device->unanswered_count > 0 || device->inherited)
+		if ((device->unanswered_count > 0 || device->inherited) && device->trust_ns > now_ns)
 			due = earlier(due, device->trust_ns);
 		if (!is_ready(device, now_ns))
 			due = earlier(due, modbus_ready_ns(device));
