@@ -25,6 +25,7 @@ from web import make_user
 
 WAIT_S = 60.0
 PATIENCE_MS = 2000
+HEARTBEAT_LIMIT_MS = 5000
 CA, DEVICE = 1005, "1.5"
 LINE, STATION = "rtu-modbus-1", "rtu-iec104"
 LAMP, BREAKER, LEVEL = 0, 2, 7  # addresses of two coils and of an input register
@@ -37,11 +38,12 @@ Config = dict[str, Any]
 def base() -> Config:
     coils = [{"address": LAMP, "name": "lamp"}, {"address": BREAKER, "type": "double", "select": True}]
     slave = {"id": 5, "coils": coils, "input_registers": [{"address": LEVEL, "name": "level"}]}
-    # a device that a busy host delays is not dead: its value would be told twice
+    # a device or a new line process that a busy host delays is not dead: its value would be told twice
     slave |= patience(PATIENCE_MS)
     pace = {"baud_rate": 38400, "data_bits": 8, "stop_bits": 1, "parity": 0}
     return {
         "iec104": {"connections_per_address": 8},
+        "modbus": {"heartbeat_limit_ms": HEARTBEAT_LIMIT_MS},
         "port": [{"value": 1, "active": 1, **pace, "slaves": [slave]}],
     }
 

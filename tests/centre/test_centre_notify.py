@@ -20,7 +20,7 @@ from aiosmtpd.controller import Controller
 from aiosmtpd.smtp import SMTP, AuthResult
 
 from control_room import Site, Stations, described, now_ms, until
-from lab.centre_client import AnswerError
+from lab.centre_client import AnswerError, Client
 from lab.gateway import free_port
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, Station, measured, single
 from openrtu_tools.centre import outbox, settings
@@ -179,8 +179,9 @@ def mail_of(mailer: Mailer, **keys: Any) -> dict[str, Any]:
     return {**made, **keys}
 
 
-def state(site: Site, name: str) -> dict[str, Any]:
-    targets = site.client("olga").get("/api/notifications")["targets"]
+def state(client: Client, name: str) -> dict[str, Any]:
+    """Of a client that stays: a user has few sessions, and the oldest makes room."""
+    targets = client.get("/api/notifications")["targets"]
     return next(each for each in targets if each["name"] == name)
 
 
@@ -307,7 +308,8 @@ def test_mail_and_request_tell_an_alarm_once(
         assert post.heads[0]["Idempotency-Key"] == told["id"]
         assert box.mails[0]["Subject"] == "[OpenRTU] north: level is too high: 9 m"
         assert box.to == ["duty@example.org"]
-        until(lambda: state(site, "hook")["last"] and state(site, "duty")["last"], "both have taken it")
+        client = site.client("olga")
+        until(lambda: state(client, "hook")["last"] and state(client, "duty")["last"], "both have taken it")
         site.kill(site.centre)
         site.start_centre()
         client = site.client("olga")
@@ -424,13 +426,16 @@ def test_nothing_is_lost_by_kills_and_what_comes_twice_is_known_by_its_id(
             wanted.add(alarm["id"])
             post.status = 503
             stations.say(station, 4, M_ME_TF_1, measured(now_ms(), 9 + round_))
-            until(lambda: state(site, "hook")["waiting"], "it waits for a receiver that is not well")
+            until(
+                lambda client=client: state(client, "hook")["waiting"],
+                "it waits for a receiver that is not well",
+            )
             wanted |= {each["id"] for each in client.get("/api/alarms?kind=high")}
             site.kill(site.centre)
             post.status = 200
             site.start_centre()
             client = site.client("olga")
-            until(lambda client=client: not state(site, "hook")["waiting"], "all is taken")
+            until(lambda client=client: not state(client, "hook")["waiting"], "all is taken")
             ids = [each["id"] for each in client.get("/api/alarms")]
             client.post("/api/alarms/acknowledge", {"ids": ids})
             stations.say(station, 4, M_ME_TF_1, measured(now_ms(), 1))
@@ -469,10 +474,11 @@ def test_who_hangs_delays_nobody_and_no_redirection_is_followed(
         until(lambda: slow.told and post.told, "one hangs, and one is told")
         stations.say(station, 5, M_SP_TB_1, single(now_ms(), True))
         until(lambda: len(post.alarms) == 2, "it is told the next one, too")
-        until(lambda: "307" in state(site, "astray")["error"], "it is said who points elsewhere")
-        until(lambda: "certificate" in state(site, "stranger")["error"], "it is said whom nobody trusts")
+        client = site.client("olga")
+        until(lambda: "307" in state(client, "astray")["error"], "it is said who points elsewhere")
+        until(lambda: "certificate" in state(client, "stranger")["error"], "it is said whom nobody trusts")
         assert (len(slow.told), elsewhere.told) == (1, [])
-        assert (state(site, "good")["waiting"], state(site, "slow")["waiting"]) == (0, 2)
+        assert (state(client, "good")["waiting"], state(client, "slow")["waiting"]) == (0, 2)
         assert site.centre
         site.centre.terminate()  # what hangs does not keep it
         assert site.centre.wait(60) == 0

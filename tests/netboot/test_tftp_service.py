@@ -794,9 +794,10 @@ def test_hostile_datagrams_end_nothing(
     service: FileService, uimage: Path, caplog: pytest.LogCaptureFixture, address: str
 ) -> None:
     """Each of them, at the server's port and at the session's, between any two blocks."""
-    board, other = Port(service), Port(service, address)
+    other = Port(service, address)
     with service.offer("uImage", uimage):
         for datagram in HOSTILE:
+            board = Port(service)  # from that of the transfer before it may be its request once more
             first = board.ask(request(RRQ, "uImage", blksize=512))
             for peer in (board.peer, board.service):
                 other.peer = peer
@@ -807,10 +808,10 @@ def test_hostile_datagrams_end_nothing(
 
 def test_hostile_datagrams_of_the_board_itself(service: FileService, uimage: Path) -> None:
     """From the port of its transfer. Its own errors do end that, and its acknowledgements move it."""
-    board = Port(service)
     with service.offer("uImage", uimage):
         for datagram in HOSTILE:
             if not datagram.startswith((b"\0\5", b"\0\4\0\1")):
+                board = Port(service)
                 first = board.ask(request(RRQ, "uImage"))
                 board.send(datagram)
                 assert board.read_on(first) == content_of(1300), datagram[:40]
