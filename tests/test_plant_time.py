@@ -2,6 +2,7 @@
 """The plant under a clock of its own (docs/plant.md): one seed is one trace, whatever else the host does."""
 
 import json
+import shlex
 import shutil
 import subprocess
 import sys
@@ -459,7 +460,8 @@ def test_no_process_outlives_the_runner(programs: Path, tmp_path: Path) -> None:
     """As when make is interrupted: not even what another has started."""
     script = f"import time\nopen('{tmp_path}/there', 'w').close()\nwhile True: time.sleep(0.001)"
     (tmp_path / "script").write_text(script)
-    words = ["/bin/sh", "-c", f"{sys.executable} -I -S {tmp_path}/script; true"]
+    python = shlex.join([sys.executable, "-I", "-S", f"{tmp_path}/script"])
+    words = ["/bin/sh", "-c", f"{python}; true"]
     starts = [["start", name, "0", f"{tmp_path}/out", f"{tmp_path}/log", *words] for name in ("one", "other")]
     (tmp_path / "world").write_text("end\t1e7\n" + "".join("\t".join(start) + "\n" for start in starts))
     command = [BUILD / "plant", "--seed", "1", "--trace", "/dev/null", tmp_path / "world"]
