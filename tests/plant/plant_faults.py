@@ -95,9 +95,7 @@ def look_for(fault: str, most_s: float) -> Found:
             world = world_of(seed, SECONDS, FAULT_EVERY_S)
             rules = failing(world, gateway, folders)
             if rules:
-                rules -= failing(
-                    world, GATEWAY, folders
-                )  # what fails without the fault, too, does not show it
+                rules -= failing(world, GATEWAY, folders)  # without the fault: that does not show it
             spent_s = cpu_s() - begun_s
             if rules or spent_s > most_s:
                 return Found(fault, seed, spent_s, tuple(sorted(rules)))

@@ -87,19 +87,17 @@ static void check_module_name(struct config_loader *loader, const struct config_
 /* A list of a module with names and patterns of others' points. */
 struct list {
 	const struct config_rule *rule;
-	bool (*has)(const struct map_config *config, const struct map_point *point); /* NULL: any */
-	const char *lack; /* of a point by its whole name that it may not have */
+	bool (*has)(const struct map_point *point); /* NULL: any */
+	const char *lack;                           /* of a point by its whole name that it may not have */
 };
 
-static bool has_value(const struct map_config *config, const struct map_point *point)
+static bool has_value(const struct map_point *point)
 {
-	(void)config;
 	return (point->flags & MAP_POINT_NEVER_READ) == 0;
 }
 
-static bool takes_commands(const struct map_config *config, const struct map_point *point)
+static bool takes_commands(const struct map_point *point)
 {
-	(void)config;
 	return point->flags & MAP_POINT_COMMAND;
 }
 
@@ -120,7 +118,7 @@ static void read_pattern(struct config_loader *loader, const struct config_place
 		if (config->points[i].set == module->set || fnmatch(pattern, name, 0) != 0)
 			continue;
 		found = true;
-		if (!list->has(config, &config->points[i]))
+		if (!list->has(&config->points[i]))
 			config_error(&loader->report, here, "\"%s\" %s", name, list->lack);
 		own->is_named[i] = true;
 	}

@@ -9,7 +9,7 @@
 #define DOUBTS          2               /* failures behind a pause that nothing has proved yet */
 #define NEAR_NS         (2 * NS_PER_MS) /* a shorter one is not worth the try: so near, */
 #define NEAR_PART       4               /* and within this part */
-#define RETRY_MOST_NS   (768 * MODBUS_PAUSE_RETRY_NS) /* 64 minutes */
+#define RETRY_MOST_NS   (64 * 60 * NS_PER_S)
 
 static bool is_learned(const struct modbus_pause *pause)
 {

@@ -113,15 +113,21 @@ static void test_the_beginning_of_an_answer_ends_with_its_connection(void **stat
 	assert_true(bus.reads_done[0] > 100);
 }
 
-/* As behind a server of serial devices: unit 0 is heard by all, and answered by none. */
-static void test_unit_0_is_the_broadcast(void **state)
+/* Register 3 of each device becomes 7. */
+static void command_all(void)
 {
-	(void)state;
 	set_up_device(8);
 	add_device(MODBUS_BROADCAST, 0);
 	start();
 	run_for(SECOND);
 	command(1, MODBUS_WRITE_REGISTER, 3, 7, 1);
+}
+
+/* As behind a server of serial devices: unit 0 is heard by all, and answered by none. */
+static void test_unit_0_is_the_broadcast(void **state)
+{
+	(void)state;
+	command_all();
 	run_for(SECOND);
 	assert_int_equal(bus.last_result, MODBUS_DONE);
 	assert_int_equal(bus.slaves[0].registers[3], 7);
@@ -133,11 +139,7 @@ static void test_unit_0_is_the_broadcast(void **state)
 static void test_a_broadcast_ends_with_its_connection(void **state)
 {
 	(void)state;
-	set_up_device(8);
-	add_device(MODBUS_BROADCAST, 0);
-	start();
-	run_for(SECOND);
-	command(1, MODBUS_WRITE_REGISTER, 3, 7, 1);
+	command_all();
 	while (bus.line.state != MODBUS_TURNAROUND)
 		run_for(MS);
 	bus.hang_up_ns = bus.now_ns + 1;
