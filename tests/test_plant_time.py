@@ -19,14 +19,15 @@ import plant_world
 from lab.gateway import remove, run_directory
 from lab.patience import Deadline
 from plant_faults import FAULTS, look_for, names
-from plant_judge import LINK_UP, Violation, judge
+from plant_judge import LINK_UP, WALL_NS, Violation, judge
 from plant_run import shrunk, story
-from plant_world import BUILD, Fault, Run, World, calm, restless, troubled
+from plant_world import BUILD, Change, Fault, Run, World, calm, restless, troubled
 
 SECONDS = 60.0
 TROUBLED_S = 300.0
 SHORT_S = 140.0  # nine faults of all kinds, and time to recover
 BUSY = 4
+INVALID, NOT_TOPICAL = 128, 64
 
 
 @pytest.fixture(scope="module")
@@ -150,6 +151,34 @@ def test_a_module_that_stops_does_nothing_meanwhile(
     ran = faulty(folder, Fault(10.0, "stop", "rtu-modbus-1", calls=5, for_s=1.0))
     times = [float(line.split()[0]) for line in lines_of(ran, b" rtu-modbus-1#1 ")]
     assert max(after - before for before, after in pairwise(times)) == pytest.approx(1.0)
+
+
+def told_behind_a_stop(folder: Path, *others: Fault) -> list[tuple[int, int]]:
+    """Quality and value of a register that changes at 20.6 s, while its process stands, from 21.7 s on."""
+    changes = (
+        Change(16.0, "2.3", "input_registers", 0, 11),
+        Change(20.6, "2.3", "input_registers", 0, 14),
+    )
+    stop = Fault(20.3, "stop", "rtu-modbus-1", calls=5, for_s=1.4)
+    world = World(2, 45.0, changes, (stop, *others), scanned=(2,))
+    ran = run_world(world, folder / f"returned-{len(others)}")
+    assert judge(ran) == []
+    return [
+        (line["quality"], line["value"])
+        for line in ran.told("consumer")
+        if line.get("point") == "2003.30001" and (line["tag"] or 0) - WALL_NS > 21.7e9
+    ]
+
+
+def test_a_line_process_that_was_stopped_reads_before_it_is_believed(
+    programs: Path, linesim_program: Path, folder: Path
+) -> None:
+    assert told_behind_a_stop(folder) == [(0, 14)]
+
+
+def test_what_it_cannot_read_then_is_not_topical(programs: Path, linesim_program: Path, folder: Path) -> None:
+    told = told_behind_a_stop(folder, Fault(20.9, "silent", "2.3", for_s=10.0))
+    assert told == [(NOT_TOPICAL, 11), (INVALID, 11), (0, 14)]
 
 
 def test_with_rtud_its_modules_are_killed(programs: Path, linesim_program: Path, folder: Path) -> None:

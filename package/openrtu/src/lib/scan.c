@@ -123,7 +123,8 @@ static void freeze_set(struct openrtu *rtu, struct input_set *set)
 void openrtu_scan_begin(struct openrtu *rtu)
 {
 	rtu->now_ns = map_begin_cycle(rtu->map);
-	map_heartbeat_at(rtu->map, rtu->now_ns);
+	if (map_alive(rtu->map, map_self(rtu->map))) /* else its outputs are old until this scan's end */
+		map_heartbeat_at(rtu->map, rtu->now_ns);
 	rtu->seen = MAP_GOOD;
 	map_count(&rtu->scans->count, 1);
 	rtu->events_taken = 0;

@@ -131,6 +131,8 @@ uint32_t *map_kept_number(struct map *map);
 void map_note_forbidden(struct map *map, int call);
 /* How old a module's heartbeat may be. */
 uint32_t map_heartbeat_limit_ms(const struct map *map, uint32_t module);
+/* How old it may become until rtud takes the module for hung, and kills it. */
+uint32_t map_patience_ms(const struct map *map, uint32_t module);
 uint32_t map_owner(const struct map *map, uint32_t point);
 /* The number of the configuration that is in use here. */
 uint32_t map_epoch(const struct map *map);

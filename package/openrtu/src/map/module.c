@@ -9,6 +9,9 @@
 #include "map/supervise.h"
 #include "map/time_ns.h"
 
+#define HANG_LIMITS 20     /* a module silent for so many heartbeat limits is hung, */
+#define HANG_MAX_MS 10000U /* or for so long */
+
 static uint32_t last_beat_ms(const struct map *map, uint32_t module)
 {
 	return atomic_load_explicit(&map->segments[module].header->heartbeat_ms, memory_order_acquire);
@@ -55,6 +58,13 @@ bool map_alive(const struct map *map, uint32_t module)
 uint32_t map_heartbeat_limit_ms(const struct map *map, uint32_t module)
 {
 	return map->modules[module].plan.heartbeat_limit_ms;
+}
+
+uint32_t map_patience_ms(const struct map *map, uint32_t module)
+{
+	const uint32_t limit_ms = map_heartbeat_limit_ms(map, module);
+
+	return limit_ms < HANG_MAX_MS / HANG_LIMITS ? limit_ms * HANG_LIMITS : HANG_MAX_MS;
 }
 
 uint32_t map_module_of_kind(const struct map *map, const char *kind)

@@ -36,8 +36,7 @@
 
 #define TICK_MS          50 /* how often heartbeats are looked at and logs are printed */
 #define SECOND_MS        1000
-#define HANG_FACTOR      20 /* a module silent for so many heartbeat limits is killed */
-#define HANG_LIMIT_MS    10000
+#define ATTACH_MAX_MS    10000 /* from its start until a module takes part in the map */
 #define SILENCE_PAUSE_MS 10000 /* between two silences of a module that the log has */
 #define QUICK_RESTART_MS 100   /* pause after a life shorter than a second */
 #define SLOW_RESTART_MS  5000  /* longest pause for a module that cannot run */
@@ -210,7 +209,6 @@ static void watch_heartbeat(struct supervisor *supervisor, uint32_t index, const
 {
 	struct child *child = &supervisor->children[index];
 	uint32_t limit = map_heartbeat_limit_ms(supervisor->map, index);
-	uint32_t hang = limit * HANG_FACTOR < HANG_LIMIT_MS ? limit * HANG_FACTOR : HANG_LIMIT_MS;
 
 	if (module->heartbeat_age_ms > limit && !child->silent) {
 		child->silent = true;
@@ -220,7 +218,7 @@ static void watch_heartbeat(struct supervisor *supervisor, uint32_t index, const
 		child->silent = false;
 		map_announce(supervisor->map, MAP_EVENT_MODULE_UP, index);
 		log_return(supervisor, child, module);
-	} else if (module->heartbeat_age_ms > hang) {
+	} else if (module->heartbeat_age_ms > map_patience_ms(supervisor->map, index)) {
 		kill(child->pid, SIGKILL);
 	}
 }
@@ -247,7 +245,7 @@ static void watch_module(struct supervisor *supervisor, uint32_t index)
 		watch_heartbeat(supervisor, index, &module);
 	} else if (child->pid && map_module_attached(supervisor->map, index)) {
 		module_attached(supervisor, index, &module);
-	} else if (child->pid && map_now_ns() - child->started_ns > HANG_LIMIT_MS * NS_PER_MS) {
+	} else if (child->pid && map_now_ns() - child->started_ns > ATTACH_MAX_MS * NS_PER_MS) {
 		kill(child->pid, SIGKILL);
 	}
 }

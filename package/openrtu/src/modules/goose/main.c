@@ -43,17 +43,17 @@ static int64_t serve(void)
 	static int64_t heartbeat_ns;
 	const int64_t now_ns = map_now_ns();
 
-	if (now_ns >= heartbeat_ns) {
-		heartbeat_ns = now_ns + HEARTBEAT_NS;
-		map_heartbeat(map);
-		wire_count_overrun(&wire);
-	}
 	if (map_bell_clear(map))
 		goose_pace_take(&rings, now_ns);
 	flood_run(now_ns);
 	receive(now_ns);
 	subscribe_run(now_ns);
 	publish_run(&wire, now_ns);
+	if (now_ns >= heartbeat_ns) { /* what became old meanwhile is told so before */
+		heartbeat_ns = now_ns + HEARTBEAT_NS;
+		map_heartbeat(map);
+		wire_count_overrun(&wire);
+	}
 	return earlier(earlier(heartbeat_ns, flood_deadline()),
 		       earlier(publish_deadline(), subscribe_deadline()));
 }

@@ -52,13 +52,13 @@ static int64_t serve(void)
 	const int64_t now_ns = map_now_ns();
 	int64_t deadline_ns = now_ns + HEARTBEAT_NS;
 
-	map_heartbeat(map);
 	for (uint32_t i = 0; i < count; i++) {
 		source_run(&receivers[i].source, now_ns, take, &receivers[i].publisher);
 		publisher_run(&receivers[i].publisher, now_ns);
 		deadline_ns = earlier(deadline_ns, source_deadline(&receivers[i].source));
 		deadline_ns = earlier(deadline_ns, publisher_deadline(&receivers[i].publisher));
 	}
+	map_heartbeat(map); /* what became old meanwhile is told as lost before */
 	return deadline_ns;
 }
 

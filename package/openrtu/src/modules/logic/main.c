@@ -189,7 +189,6 @@ static void run(int stop)
 	while (map_may_run(host.map)) {
 		int64_t now_ns;
 
-		map_heartbeat(host.map);
 		map_bell_clear(host.map);
 		now_ns = map_now_ns();
 		hear_net();
@@ -205,8 +204,9 @@ static void run(int stop)
 			last_ns = now_ns;
 			due_ns = next_scan(due_now(due_ns, now_ns), now_ns);
 			end_scan();
-			map_heartbeat(host.map);
 		}
+		map_heartbeat(
+		    host.map); /* behind the scan: what it was silent for has not made old outputs good */
 		if (poll(waited, 2, pause_ms(due_ns)) > 0 && waited[0].revents != 0)
 			break;
 	}

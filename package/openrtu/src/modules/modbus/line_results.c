@@ -156,6 +156,55 @@ static void invalidate_device(struct line_results *results, const struct map_set
 	publish(results, device, count, now_ns);
 }
 
+/* ---- after a silence ------------------------------------------------------------------- */
+
+void line_results_note_scan(struct line_results *results)
+{
+	results->scan_ns = results->line->counters.scan_us * NS_PER_US;
+}
+
+static bool is_old(const struct line_results *results, const struct modbus_object *object, int64_t now_ns)
+{
+	const struct map_sample sample = map_own_sample(results->map, object->tag);
+	const int64_t turn_ns = object->period_ms > 0 ? object->period_ms * NS_PER_MS : results->scan_ns;
+	const int64_t silence_ns = map_heartbeat_limit_ms(results->map, map_self(results->map)) * NS_PER_MS;
+
+	return !(sample.quality & (MAP_INVALID | MAP_NOT_TOPICAL)) &&
+	       now_ns - sample.time_ns > 2 * turn_ns + silence_ns;
+}
+
+/* results->updates: what is told of the old ones. How many they are. */
+static size_t find_old(const struct line_results *results, const struct modbus_device *device, int64_t now_ns)
+{
+	size_t count = 0;
+
+	for (uint32_t i = 0; i < device->object_count; i++)
+		if (is_old(results, &device->objects[i], now_ns))
+			results->updates[count++] =
+			    quality_lost(results->quality, device->objects[i].tag, MAP_NOT_TOPICAL, now_ns);
+	return count;
+}
+
+bool line_results_are_old(const struct line_results *results, int64_t now_ns)
+{
+	for (uint32_t i = 0; i < results->line->device_count; i++)
+		if (find_old(results, &results->line->devices[i], now_ns) > 0)
+			return true;
+	return false;
+}
+
+void line_results_give_up_old(struct line_results *results, int64_t now_ns)
+{
+	for (uint32_t i = 0; i < results->line->device_count; i++) {
+		const size_t count = find_old(results, &results->line->devices[i], now_ns);
+
+		if (count > 0)
+			publish(results, device_config(results, i), count, now_ns);
+	}
+}
+
+/* ---- devices --------------------------------------------------------------------------- */
+
 static void device_changed(void *context, uint32_t device, bool alive, int64_t now_ns)
 {
 	struct line_results *results = context;

@@ -25,6 +25,7 @@
 #include "modules/modbus/line_results.h"
 #include "modules/modbus/port.h"
 #include "modules/modbus/quality.h"
+#include "modules/modbus/refresh.h"
 #include "modules/module.h"
 #include "modules/synched.h"
 
@@ -49,6 +50,7 @@ struct gateway {
 	struct quality quality;
 	int8_t *exponents; /* of all points */
 	struct heartbeat heartbeat;
+	struct refresh refresh;
 	struct map_update *updates; /* room for the largest device */
 	int epoll_fd;
 	int timer_fd;
@@ -201,6 +203,8 @@ static void set_up_ports(struct gateway *gateway, const char *directory)
 	for (uint32_t i = 0; i < modbus_port_count(config); i++)
 		if (modbus_ports(config)[i].module == map_self(gateway->map))
 			set_up_port(gateway, i, directory);
+	gateway->refresh = (struct refresh){
+	    .map = gateway->map, .lines = gateway->results, .line_count = gateway->port_count};
 }
 
 static void set_up_commands(struct gateway *gateway)
@@ -320,7 +324,8 @@ static void beat(struct gateway *gateway, int64_t now_ns)
 	if (map_bell_is_wild(gateway->map))
 		hear_bell(gateway, true);
 	map_bell_new_period(gateway->map);
-	heartbeat_beat(&gateway->heartbeat, gateway->map, now_ns);
+	if (!refresh_holds(&gateway->refresh, gateway->heartbeat.beaten_ns, now_ns))
+		heartbeat_beat(&gateway->heartbeat, gateway->map, now_ns);
 	map_totals_tick(gateway->map);
 	for (uint32_t i = 0; i < gateway->port_count; i++)
 		line_counters_show(&gateway->ports[i]);
