@@ -461,6 +461,23 @@ def test_wrong_csv_says_file_and_line(tmp_path: Path, old: str, new: str, messag
     )
 
 
+def test_a_port_that_is_missing_is_named_once(tmp_path: Path) -> None:
+    points = tmp_path / "points.csv"
+    head = "ca,ioa,type,event_type,command_type,name,unit,direction,group,device,port,id,table,address\n"
+    points.write_text(
+        head
+        + "".join(
+            f"3067,{ioa},M_SP_NA_1,,,n{ioa},,,,d,{port},67,coils,{ioa}\n"
+            for ioa, port in ((1, 1), (2, 1), (3, 2))
+        )
+    )
+    lines = write(tmp_path / "lines.json", {"port": [{"value": 3, **LINE, "slaves": []}]})
+    said = [
+        f"{points}:{line}: there is no port {port} in the file of lines" for line, port in ((2, 1), (4, 2))
+    ]
+    assert back(points, lines).stderr.splitlines() == said
+
+
 def as_in_excel(listed: str, delimiter: str, *, decimal_comma: bool) -> str:
     """The CSV as a spreadsheet saves it: delimiter, decimals, truth values, empty cells."""
     out = io.StringIO(newline="")

@@ -58,6 +58,7 @@ class Slaves:
     source: Path
     decimal_comma: bool = False
     errors: list[str] = field(default_factory=list)
+    missing: set[int] = field(default_factory=set)
 
     def error(self, line: int, message: str) -> None:
         self.errors.append(f"{self.source}:{line}: {message}")
@@ -66,7 +67,9 @@ class Slaves:
         """The slave, made where there is none; None without such a port."""
         found = next((one for one in self.config["port"] if one.get("value") == port), None)
         if found is None:
-            self.error(line, f"there is no port {port} in the file of lines")
+            if port not in self.missing:
+                self.error(line, f"there is no port {port} in the file of lines")
+            self.missing.add(port)
             return None
         slaves: list[Json] = found.setdefault("slaves", [])
         slave = next((one for one in slaves if one.get("id") == unit), None)

@@ -370,6 +370,20 @@ static void add_entry(struct modbus_loader *loader, const struct config_place *p
 	loader->entries[loader->config->point_count++] = entry;
 }
 
+/* Others call "type" what is the format here. */
+static void explain_type(struct modbus_loader *loader, const struct config_place *object, const json_t *json)
+{
+	const struct config_place here = modbus_object_key(object, OBJECT_TYPE);
+	const char *written = json_string_value(json);
+
+	for (unsigned i = 0; written != NULL && i < MODBUS_FORMATS; i++) {
+		if (modbus_formats[i].name != NULL && strcmp(modbus_formats[i].name, written) == 0)
+			config_note(loader->report, &here,
+				    "this is a format: write \"type\": \"float\", \"format\": \"%s\"",
+				    written);
+	}
+}
+
 static void read_object(struct modbus_loader *loader, const struct config_place *place,
 			enum modbus_table table, struct modbus_entry entry)
 {
@@ -378,6 +392,8 @@ static void read_object(struct modbus_loader *loader, const struct config_place 
 	enum map_type type;
 
 	config_read_keys(loader->report, place, entry.json, modbus_object_rules, OBJECT_KEYS, values);
+	if (values[OBJECT_TYPE].wrong)
+		explain_type(loader, place, values[OBJECT_TYPE].json);
 	modbus_read_address(loader, place, table, values);
 	type = object_type(values, table);
 	check_object(loader, place, values, type, table);
