@@ -74,6 +74,11 @@ def test_same_root_gives_the_same_archive(tmp_path: Path) -> None:
     assert one.read_bytes() == other.read_bytes()
 
 
+def test_the_shows_simulator_is_the_same_from_each_folder(linesim_program: Path) -> None:
+    """What debuggers are told names the folder of a build unless it is kept from that; so does then the build ID."""
+    assert str(ROOT).encode() not in linesim_program.read_bytes()
+
+
 @NEEDS_ROOT
 def test_gateway_runs_with_the_capabilities_that_are_named(tmp_path: Path) -> None:
     """linesim's devices are polled, each module is a user of its own and has no capability."""
