@@ -343,6 +343,20 @@ def test_what_managers_find_a_device_by(site: Site) -> None:
     assert [int(name.split(".")[-2]) for name in messages] == [1, 3, 4, 5, 6, 30, 31, 32]
 
 
+def test_the_agent_names_the_modules_of_its_objects(site: Site) -> None:
+    """sysORTable (RFC 3418). Of SNMPv2-MIB and IF-MIB the name lies elsewhere than the objects."""
+    manager = site.manager(WATCH)
+    ids, texts, times = (manager.walk(f"1.3.6.1.2.1.1.9.1.{column}") for column in (2, 3, 4))
+    named = {bytes(text).split()[0].decode(): str(ids[index]).lstrip(".") for index, text in texts.items()}
+    objects = {"SNMPv2-MIB": "1.3.6.1.2.1.11", "IF-MIB": "1.3.6.1.2.1.2"}
+    assert len(named) == 8
+    assert named["OPENRTU-MIB"] == oid("openRtuMIB")
+    for name, number in named.items():
+        (found,) = manager.rows("snmpgetnext", objects.get(name, number))
+        assert f"{oid(found)}.".startswith(f"{objects.get(name, number)}."), name
+    assert set(times.values()) == set(manager.get("1.3.6.1.2.1.1.8.0")) == {"0:0:00:00.00"}
+
+
 def test_the_tables_of_users_and_views_are_not_there(site: Site) -> None:
     for table in ("1.3.6.1.6.3.15.1.2", "1.3.6.1.6.3.16"):
         assert "No Such" in site.manager(ENGINEER).run("snmpget", f"{table}.2.1.3.0")

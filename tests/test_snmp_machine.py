@@ -33,6 +33,7 @@ DESCRIPTION, TYPE, MTU, SPEED, ADDRESS, ADMIN, OPERATION, CHANGED, IN, OUT = 2, 
 NAME, LONG_IN, LONG_OUT, HIGH_SPEED, CONNECTOR, ALIAS, DISCONTINUITY = 1, 6, 10, 15, 17, 18, 19
 UP, DOWN, LOWER_DOWN = 1, 2, 7
 ETHERNET, LOOPBACK = 6, 24
+TRAPS, LINK_DOWN, LINK_UP, ENABLED = "1.3.6.1.6.3.1.1.5", 3, 4, 1
 PAIR = [f"rtu{end}{os.getpid()}" for end in "ab"]
 PATIENCE_S = 20.0
 ours = needed(SUPERUSER, "interfaces are root's to make")
@@ -174,6 +175,28 @@ def test_times_are_of_the_moment(site: Site) -> None:
         assert all(start <= each <= made for each in times), (start, times, made)
         (last,) = ticks(manager, table)
         assert last >= start
+
+
+@ours
+def test_a_link_that_changes_is_told(site: Site) -> None:
+    """linkDown and linkUp with their three objects (RFC 2863), and the number of the event."""
+    manager = site.manager(WATCH)
+
+    def told(kind: int) -> list[Any]:
+        told = site.received.wait_until(
+            f"{TRAPS}.{kind}", lambda each: each.objects.get(f"{ENTRY}.1.{number}") == number
+        )
+        assert told.numbers
+        return [told.objects[f"{ENTRY}.{column}.{number}"] for column in (1, ADMIN, OPERATION)]
+
+    with pair() as (near, far):
+        ip("set", far, "up")
+        number = number_of(manager, near)
+        assert manager.get(f"{EXTRAS}.14.{number}") == [ENABLED]
+        ip("set", near, "up")
+        assert told(LINK_UP) in ([number, UP, UP], [number, UP, LOWER_DOWN])  # no more than not down
+        ip("del", near)
+        assert told(LINK_DOWN) == [number, DOWN, DOWN]
 
 
 @ours

@@ -327,7 +327,8 @@ static inline int64_t snmp_answer_ns(const struct snmp_agent *agent)
 void snmp_point_index(const struct snmp_agent *agent, enum snmp_list list, uint32_t row,
 		      uint32_t out[SNMP_INDEX_MAX]);
 
-extern const struct snmp_table snmp_system_scalars[7], snmp_engine_scalars[4];
+extern const struct snmp_table snmp_system_scalars[7], snmp_resources_changed, snmp_resource_table,
+    snmp_engine_scalars[4];
 extern const struct snmp_table snmp_interface_count, snmp_interface_tables[4], snmp_interface_extras[4],
     snmp_interfaces_changed;
 extern const struct snmp_table snmp_machine_uptime, snmp_memory_size, snmp_storage_table;

@@ -10,8 +10,9 @@
 /* ---- the tree ---------------------------------------------------------------------------- */
 
 static const struct snmp_table *const system_tables[] = {
-    &snmp_system_scalars[0], &snmp_system_scalars[1], &snmp_system_scalars[2], &snmp_system_scalars[3],
-    &snmp_system_scalars[4], &snmp_system_scalars[5], &snmp_system_scalars[6]};
+    &snmp_system_scalars[0], &snmp_system_scalars[1], &snmp_system_scalars[2],
+    &snmp_system_scalars[3], &snmp_system_scalars[4], &snmp_system_scalars[5],
+    &snmp_system_scalars[6], &snmp_resources_changed, &snmp_resource_table};
 
 /* Of mib-2, behind system. */
 static const struct snmp_table *const mib_2_tables[] = {

@@ -184,6 +184,8 @@ static int64_t shown_value(const struct snmp_event *event)
 		return (int32_t)snmp_shown_value((enum map_type)event->type, event->decimals, event->value);
 	case SNMP_EVENT_CYCLIC:
 	case SNMP_EVENT_INITIALISED:
+	case SNMP_EVENT_LINK_DOWN:
+	case SNMP_EVENT_LINK_UP:
 		return event->value.i;
 	case SNMP_EVENT_CLOCK:
 	case SNMP_EVENT_PARAMETER:

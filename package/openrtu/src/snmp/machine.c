@@ -49,7 +49,7 @@ static uint32_t take_number(struct snmp_numbered *list, uint32_t count, const ch
 	}
 	if (place == NULL)
 		return 0;
-	place->number = free_number(list, count, wanted);
+	*place = (struct snmp_numbered){.number = free_number(list, count, wanted)};
 	strcpy(place->name, name);
 	return place->number;
 }
@@ -78,6 +78,16 @@ static struct snmp_interface *interface_of(struct snmp_machine *machine, uint32_
 	return NULL;
 }
 
+/* Each that is there has one. */
+static struct snmp_numbered *numbered_interface(const struct snmp_agent *agent, uint32_t number)
+{
+	struct snmp_numbered *numbered = agent->shared->interfaces;
+
+	while (numbered->number != number)
+		numbered++;
+	return numbered;
+}
+
 /* NULL: there are too many. */
 static struct snmp_interface *add_interface(struct snmp_agent *agent, const struct snmp_interface *interface)
 {
@@ -96,16 +106,10 @@ static struct snmp_interface *add_interface(struct snmp_agent *agent, const stru
 	machine->interfaces_changed_ns = moment(agent);
 	machine->interfaces[at] = (struct snmp_interface){.number = number,
 							  .link = interface->link,
+							  .told = numbered_interface(agent, number)->link,
 							  .came_ns = machine->interfaces_changed_ns,
 							  .changed_ns = machine->interfaces_changed_ns};
 	return &machine->interfaces[at];
-}
-
-static void rename_interface(struct snmp_agent *agent, uint32_t number, const char *name)
-{
-	for (uint32_t i = 0; i < SNMP_INTERFACES_MAX; i++)
-		if (agent->shared->interfaces[i].number == number)
-			strcpy(agent->shared->interfaces[i].name, name);
 }
 
 void snmp_interface_is(struct snmp_agent *agent, const struct snmp_interface *interface)
@@ -115,15 +119,58 @@ void snmp_interface_is(struct snmp_agent *agent, const struct snmp_interface *in
 	if (own == NULL)
 		own = add_interface(agent, interface);
 	else if (strcmp(own->name, interface->name) != 0)
-		rename_interface(agent, own->number, interface->name);
+		strcpy(numbered_interface(agent, own->number)->name, interface->name);
 	if (own == NULL)
 		return;
 	before = *own;
 	*own = *interface;
 	own->number = before.number;
 	own->came_ns = before.came_ns;
+	own->told_ns = before.told_ns;
+	own->told = before.told;
 	own->changed_ns = before.link == interface->link ? before.changed_ns : moment(agent);
 	own->seen = true;
+}
+
+/* RFC 2863: linkDown is into the state down, and linkUp out of it; what is not present has neither, nor what is seen for the first time. */
+static void tell_link(struct snmp_agent *agent, struct snmp_interface *own)
+{
+	const uint8_t before = own->told;
+	const bool down = own->link == SNMP_LINK_DOWN;
+
+	own->told = own->link;
+	numbered_interface(agent, own->number)->link = own->link;
+	if (before == 0 || before == SNMP_LINK_NOT_PRESENT || own->link == SNMP_LINK_NOT_PRESENT ||
+	    down == (before == SNMP_LINK_DOWN))
+		return;
+	own->told_ns = agent->now_ns;
+	snmp_event_add_now(agent,
+			   (struct snmp_event){.kind = down ? SNMP_EVENT_LINK_DOWN : SNMP_EVENT_LINK_UP,
+					       .ca = SNMP_NO_CA,
+					       .value.u = own->number,
+					       .state = own->link,
+					       .result = own->enabled ? SNMP_LINK_UP : SNMP_LINK_DOWN});
+}
+
+#define LINK_PAUSE_NS NS_PER_S /* a loose contact fills no table of events */
+
+void snmp_links_tick(struct snmp_agent *agent)
+{
+	for (uint32_t i = 0; i < agent->machine.interface_count; i++) {
+		struct snmp_interface *own = &agent->machine.interfaces[i];
+
+		if (own->link != own->told && agent->now_ns - own->told_ns >= LINK_PAUSE_NS)
+			tell_link(agent, own);
+	}
+}
+
+/* What has gone is down. */
+static void tell_gone(struct snmp_agent *agent, struct snmp_interface *own)
+{
+	own->link = SNMP_LINK_DOWN;
+	own->enabled = false;
+	if (own->told != 0 && own->told != own->link)
+		tell_link(agent, own);
 }
 
 /* Keeps what was seen. */
@@ -135,6 +182,8 @@ static void keep_interfaces(struct snmp_agent *agent)
 	for (uint32_t i = 0; i < machine->interface_count; i++)
 		if (machine->interfaces[i].seen)
 			machine->interfaces[kept++] = machine->interfaces[i];
+		else
+			tell_gone(agent, &machine->interfaces[i]);
 	if (kept < machine->interface_count)
 		machine->interfaces_changed_ns = moment(agent);
 	machine->interface_count = kept;
@@ -314,7 +363,7 @@ static bool read_long_traffic(const struct snmp_interface *interface, uint32_t c
 	return true;
 }
 
-enum { TRAPS_DISABLED = 2 };
+enum { TRAPS_ENABLED = 1 };
 
 static bool read_extra(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
 {
@@ -328,7 +377,7 @@ static bool read_extra(struct snmp_agent *agent, uint32_t column, uint32_t row, 
 		snmp_put_number(out, SNMP_COUNTER, (uint32_t)interface->traffic[SNMP_IN_MULTICAST]);
 		return true;
 	case IF_TRAPS:
-		snmp_put_number(out, SNMP_INTEGER, TRAPS_DISABLED);
+		snmp_put_number(out, SNMP_INTEGER, TRAPS_ENABLED);
 		return true;
 	case IF_HIGH_SPEED:
 		snmp_put_number(out, SNMP_GAUGE, interface->speed);

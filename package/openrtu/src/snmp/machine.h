@@ -52,6 +52,8 @@ struct snmp_interface {
 	uint64_t traffic[SNMP_TRAFFIC];
 	int64_t changed_ns; /* its link last, 0: before the agent began */
 	int64_t came_ns;    /* 0: before the agent began */
+	int64_t told_ns;    /* a change of its link last */
+	uint8_t told;       /* that link */
 	bool seen;
 };
 
@@ -86,12 +88,14 @@ struct snmp_machine {
 
 struct snmp_agent;
 
-/* What the kernel says of an interface, number, times and seen aside. One too many is left out. */
+/* What the kernel says of an interface, number, times, told and seen aside. One too many is left out. */
 void snmp_interface_is(struct snmp_agent *agent, const struct snmp_interface *interface);
 void snmp_interface_gone(struct snmp_agent *agent, uint32_t kernel);
 /* Around a list of all interfaces: what is not in it has gone. */
 void snmp_interfaces_before(struct snmp_agent *agent);
 void snmp_interfaces_after(struct snmp_agent *agent);
+/* Numbers what became of links. */
+void snmp_links_tick(struct snmp_agent *agent);
 /* The same of storage. Memory and swap have their numbers, a file system gets the one that its place had before. */
 void snmp_storages_before(struct snmp_agent *agent);
 void snmp_storage_is(struct snmp_agent *agent, const struct snmp_storage *storage);

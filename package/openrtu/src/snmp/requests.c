@@ -45,6 +45,7 @@ bool snmp_tick(struct snmp_agent *agent)
 		take(agent, &answer);
 	snmp_stations_tick(agent);
 	snmp_cyclic_tick(agent);
+	snmp_links_tick(agent);
 	busy = snmp_commands_tick(agent);
 	busy |= snmp_freezes_tick(agent);
 	busy |= snmp_parameters_tick(agent);

@@ -44,6 +44,8 @@ enum snmp_event_kind {
 	SNMP_EVENT_CYCLIC,
 	SNMP_EVENT_INITIALISED, /* a station */
 	SNMP_EVENT_COLD_START,
+	SNMP_EVENT_LINK_DOWN,
+	SNMP_EVENT_LINK_UP,
 };
 
 #define SNMP_NO_CA 65535
@@ -54,13 +56,13 @@ struct snmp_event {
 	uint32_t ioa : 24;     /* 0: of no point */
 	uint32_t type : 4;     /* enum map_type of the point */
 	uint32_t decimals : 4; /* snmp_decimals of it */
-	union map_value value; /* of a command its number */
+	union map_value value; /* of a command its number, of a link its ifIndex */
 	uint32_t spin;         /* of a command, its spin lock */
 	uint8_t kind;          /* enum snmp_event_kind */
 	uint8_t quality, counter_detail;
 	uint8_t cause; /* enum map_cause */
 	bool time_valid;
-	uint8_t state, result, detail; /* of a command */
+	uint8_t state, result, detail; /* of a command; of a link its ifOperStatus and ifAdminStatus */
 	uint8_t user;                  /* who commanded; SNMP_NO_USER: module did */
 	uint8_t module;                /* that one, or the one that went down or up */
 	uint16_t ca;                   /* SNMP_NO_CA: of no station */
@@ -80,6 +82,7 @@ struct snmp_position {
 /* What has come and gone keeps its number for when it comes again. */
 struct snmp_numbered {
 	uint32_t number; /* 0: none */
+	uint8_t link;    /* of an interface, as it was told last, 0: not yet */
 	char name[SNMP_NUMBERED_SIZE];
 };
 

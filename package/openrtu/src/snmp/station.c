@@ -9,7 +9,13 @@
 		.prefix = {1, group, number}, .prefix_length = 3, .read = reader                             \
 	}
 
-/* ---- system (RFC 3418) and snmpEngine (RFC 3411) ------------------------------------------ */
+static void index_from_1(const struct snmp_agent *agent, uint32_t row, uint32_t out[SNMP_INDEX_MAX])
+{
+	(void)agent;
+	out[0] = row + 1;
+}
+
+/* ---- system (RFC 3418) ------------------------------------------------------------------ */
 
 static bool read_description(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
 {
@@ -18,13 +24,18 @@ static bool read_description(struct snmp_agent *agent, uint32_t column, uint32_t
 	return true;
 }
 
+static void put_object_id(struct snmp_value *out, const uint32_t *ids, uint32_t length)
+{
+	out->syntax = SNMP_OID;
+	out->size = (uint16_t)length;
+	memcpy(out->ids, ids, length * sizeof(uint32_t));
+}
+
 /* sysObjectID: where OPENRTU-MIB is, since no product has a name of its own. */
 static bool read_object_id(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
 {
 	(void)column, (void)row;
-	out->syntax = SNMP_OID;
-	out->size = (uint16_t)agent->settings->base_length;
-	memcpy(out->ids, agent->settings->base, agent->settings->base_length * sizeof(uint32_t));
+	put_object_id(out, agent->settings->base, agent->settings->base_length);
 	return true;
 }
 
@@ -71,6 +82,72 @@ static bool read_services(struct snmp_agent *agent, uint32_t column, uint32_t ro
 const struct snmp_table snmp_system_scalars[7] = {
     SYSTEM(1, read_description), SYSTEM(2, read_object_id), SYSTEM(3, read_uptime),  SYSTEM(4, read_contact),
     SYSTEM(5, read_name),        SYSTEM(6, read_location),  SYSTEM(7, read_services)};
+
+/* ---- sysORTable: of which modules of the MIB there are objects ------------------------------- */
+
+struct resource {
+	uint32_t ids[8];
+	uint8_t length;
+	const char *text;
+};
+
+#define RESOURCE(words, ...)                                                                                 \
+	{                                                                                                    \
+		.ids = {__VA_ARGS__}, .length = sizeof((uint32_t[]){__VA_ARGS__}) / sizeof(uint32_t),        \
+		.text = words                                                                                \
+	}
+static const struct resource resources[] = {
+    RESOURCE("SNMPv2-MIB (RFC 3418)", 1, 3, 6, 1, 6, 3, 1),
+    RESOURCE("IF-MIB (RFC 2863)", 1, 3, 6, 1, 2, 1, 31),
+    RESOURCE("HOST-RESOURCES-MIB (RFC 2790)", 1, 3, 6, 1, 2, 1, 25),
+    RESOURCE("SNMP-FRAMEWORK-MIB (RFC 3411)", 1, 3, 6, 1, 6, 3, 10),
+    RESOURCE("SNMP-MPD-MIB (RFC 3412)", 1, 3, 6, 1, 6, 3, 11),
+    RESOURCE("SNMP-TARGET-MIB (RFC 3413)", 1, 3, 6, 1, 6, 3, 12),
+    RESOURCE("SNMP-USER-BASED-SM-MIB (RFC 3414)", 1, 3, 6, 1, 6, 3, 15),
+};
+#define RESOURCES (sizeof(resources) / sizeof(resources[0]))
+
+/* All are there from the start on: sysORLastChange and sysORUpTime are 0. */
+static bool read_resources_changed(struct snmp_agent *agent, uint32_t column, uint32_t row,
+				   struct snmp_value *out)
+{
+	(void)agent, (void)column, (void)row;
+	snmp_put_number(out, SNMP_TICKS, 0);
+	return true;
+}
+
+static uint32_t count_resources(const struct snmp_agent *agent)
+{
+	(void)agent;
+	return RESOURCES + 1; /* and OPENRTU-MIB, whose place is the configuration's */
+}
+
+enum { RESOURCE_ID = 2, RESOURCE_TEXT, RESOURCE_UP_TIME };
+
+static bool read_resource(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
+{
+	if (column == RESOURCE_UP_TIME)
+		return read_resources_changed(agent, column, row, out);
+	if (column == RESOURCE_TEXT)
+		snmp_put_text(out, row == RESOURCES ? "OPENRTU-MIB" : resources[row].text);
+	else if (row == RESOURCES)
+		return read_object_id(agent, column, row, out);
+	else
+		put_object_id(out, resources[row].ids, resources[row].length);
+	return true;
+}
+
+const struct snmp_table snmp_resources_changed = SYSTEM(8, read_resources_changed);
+const struct snmp_table snmp_resource_table = {.prefix = {9},
+					       .prefix_length = 1,
+					       .first = RESOURCE_ID,
+					       .last = RESOURCE_UP_TIME,
+					       .indexes = 1,
+					       .count = count_resources,
+					       .index = index_from_1,
+					       .read = read_resource};
+
+/* ---- snmpEngine ---------------------------------------------------------------------------- */
 
 static bool read_engine_id(struct snmp_agent *agent, uint32_t column, uint32_t row, struct snmp_value *out)
 {
@@ -227,12 +304,6 @@ enum { DEVICE_NAME = 2, DEVICE_CA, DEVICE_MODULE, DEVICE_POINTS, DEVICE_INVALID 
 static uint32_t count_devices(const struct snmp_agent *agent)
 {
 	return agent->config->set_count;
-}
-
-static void index_from_1(const struct snmp_agent *agent, uint32_t row, uint32_t out[SNMP_INDEX_MAX])
-{
-	(void)agent;
-	out[0] = row + 1;
 }
 
 static uint32_t invalid_points(struct snmp_agent *agent, const struct map_set *set)

@@ -275,6 +275,103 @@ static void test_of_too_many_the_first_are_told(void **state)
 	end(&fixture);
 }
 
+static void link_is(struct snmp_agent *agent, uint32_t kernel, enum snmp_link link)
+{
+	struct snmp_interface interface = interface_named("eth0", kernel);
+
+	interface.link = (uint8_t)link;
+	snmp_interface_is(agent, &interface);
+	agent->now_ns += NS_PER_S;
+	snmp_links_tick(agent);
+}
+
+/* The kind of the newest event, if it is behind this one. 0: it is not. */
+static unsigned told_behind(const struct snmp_agent *agent, uint32_t *number)
+{
+	if (agent->position.last == *number)
+		return 0;
+	assert_int_equal(agent->position.last, ++*number);
+	return snmp_event_at(agent, *number)->kind;
+}
+
+/* RFC 2863, 3.1.13 and 3.1.14: into the state down and out of it, but for what is not present. */
+static void test_links_that_go_down_and_up_are_told(void **state)
+{
+	static const struct {
+		enum snmp_link link;
+		unsigned kind;
+	} steps[] = {
+	    {SNMP_LINK_DOWN, SNMP_EVENT_LINK_DOWN},
+	    {SNMP_LINK_UP, SNMP_EVENT_LINK_UP},
+	    {SNMP_LINK_DORMANT, 0},
+	    {SNMP_LINK_LOWER_DOWN, 0},
+	    {SNMP_LINK_DOWN, SNMP_EVENT_LINK_DOWN},
+	    {SNMP_LINK_DOWN, 0},
+	    {SNMP_LINK_NOT_PRESENT, 0},
+	    {SNMP_LINK_DOWN, 0},
+	    {SNMP_LINK_LOWER_DOWN, SNMP_EVENT_LINK_UP},
+	};
+	struct fixture fixture = begin(state);
+	struct snmp_agent *agent = &fixture.agent;
+	uint32_t number;
+
+	start_agent(&fixture);
+	number = agent->position.last;
+	link_is(agent, 2, SNMP_LINK_UP);
+	assert_int_equal(told_behind(agent, &number), 0);
+	for (unsigned i = 0; i < sizeof(steps) / sizeof(steps[0]); i++) {
+		link_is(agent, 2, steps[i].link);
+		assert_int_equal(told_behind(agent, &number), steps[i].kind);
+	}
+	assert_int_equal(snmp_event_at(agent, number)->value.u, number_of(agent, "eth0"));
+	assert_int_equal(snmp_event_at(agent, number)->state, SNMP_LINK_LOWER_DOWN);
+	end(&fixture);
+}
+
+/* As a modem's, and while another process of the agent begins. */
+static void test_a_link_that_goes_is_down_and_comes_up_again(void **state)
+{
+	struct fixture fixture = begin(state);
+	struct snmp_agent *agent = &fixture.agent, next;
+	uint32_t number;
+
+	start_agent(&fixture);
+	number = agent->position.last;
+	link_is(agent, 2, SNMP_LINK_UP);
+	snmp_interface_gone(agent, 2);
+	assert_int_equal(told_behind(agent, &number), SNMP_EVENT_LINK_DOWN);
+	link_is(agent, 3, SNMP_LINK_UP);
+	assert_int_equal(told_behind(agent, &number), SNMP_EVENT_LINK_UP);
+	assert_true(snmp_begin(&next, fixture.map, fixture.shared));
+	link_is(&next, 3, SNMP_LINK_DOWN);
+	assert_int_equal(told_behind(&next, &number), SNMP_EVENT_LINK_DOWN);
+	snmp_end(&next);
+	end(&fixture);
+}
+
+static void test_a_loose_contact_fills_no_table_of_events(void **state)
+{
+	struct fixture fixture = begin(state);
+	struct snmp_agent *agent = &fixture.agent;
+	struct snmp_interface interface = interface_named("eth0", 2);
+	uint32_t first;
+
+	start_agent(&fixture);
+	first = agent->position.last;
+	link_is(agent, 2, SNMP_LINK_UP);
+	for (unsigned i = 0; i < 1000; i++) { /* of 10 ms */
+		interface.link = i % 2 == 0 ? SNMP_LINK_DOWN : SNMP_LINK_UP;
+		snmp_interface_is(agent, &interface);
+		agent->now_ns += 10 * NS_PER_MS;
+		snmp_links_tick(agent);
+	}
+	assert_in_range(agent->position.last - first, 2, 10);
+	agent->now_ns += NS_PER_S;
+	snmp_links_tick(agent);
+	assert_int_equal(agent->machine.interfaces[0].told, agent->machine.interfaces[0].link);
+	end(&fixture);
+}
+
 static int64_t number_at(struct snmp_agent *agent, const uint32_t *ids, size_t length)
 {
 	static struct snmp_value value;
@@ -505,6 +602,9 @@ int main(void)
 	    TEST(test_an_interface_has_one_number),
 	    TEST(test_the_list_of_interfaces_takes_its_place),
 	    TEST(test_of_too_many_the_first_are_told),
+	    TEST(test_links_that_go_down_and_up_are_told),
+	    TEST(test_a_link_that_goes_is_down_and_comes_up_again),
+	    TEST(test_a_loose_contact_fills_no_table_of_events),
 	    TEST(test_a_large_storage_has_large_units),
 	    TEST(test_keys_are_taken_whole_or_not_at_all),
 	    TEST(test_a_window_is_confirmed_in_order),

@@ -22,7 +22,9 @@ enum notification {
 	NOTE_EVENTS_MISSED,
 	NOTE_CLOCK_CHANGED,
 	NOTE_INITIALISED,
-	NOTE_COLD_START, /* of SNMPv2-MIB */
+	NOTE_COLD_START, /* of SNMPv2-MIB, as the next two */
+	NOTE_LINK_DOWN,
+	NOTE_LINK_UP,
 };
 
 /* What the library gives back with an answer. */
@@ -84,15 +86,32 @@ static bool add_object(struct note *note, const uint32_t *below, size_t length,
 	return add(note, name, settings->base_length + length, value);
 }
 
+/* Its number below snmpTraps. 0: it is one of ours. */
+static uint32_t standard_number(enum notification notification)
+{
+	switch (notification) {
+	case NOTE_COLD_START:
+		return 1;
+	case NOTE_LINK_DOWN:
+		return 3;
+	case NOTE_LINK_UP:
+		return 4;
+	default:
+		return 0;
+	}
+}
+
 static void put_notification(const struct snmp_settings *settings, enum notification notification,
 			     struct snmp_value *out)
 {
-	static const uint32_t cold_start[] = {1, 3, 6, 1, 6, 3, 1, 1, 5, 1};
+	static const uint32_t standard[] = {1, 3, 6, 1, 6, 3, 1, 1, 5};
+	const size_t length = sizeof(standard) / sizeof(standard[0]);
 
 	out->syntax = SNMP_OID;
-	if (notification == NOTE_COLD_START) {
-		out->size = sizeof(cold_start) / sizeof(cold_start[0]);
-		memcpy(out->ids, cold_start, sizeof(cold_start));
+	if (standard_number(notification) != 0) {
+		out->size = (uint16_t)(length + 1);
+		memcpy(out->ids, standard, sizeof(standard));
+		out->ids[length] = standard_number(notification);
 		return;
 	}
 	out->size = (uint16_t)(settings->base_length + 2);
@@ -167,6 +186,10 @@ static enum notification notification_of(const struct snmp_event *event)
 		return NOTE_INITIALISED;
 	case SNMP_EVENT_COLD_START:
 		return NOTE_COLD_START;
+	case SNMP_EVENT_LINK_DOWN:
+		return NOTE_LINK_DOWN;
+	case SNMP_EVENT_LINK_UP:
+		return NOTE_LINK_UP;
 	case SNMP_EVENT_STARTED:
 		break;
 	}
@@ -233,6 +256,23 @@ static bool add_parameters(struct note *note, const struct snmp_event *event)
 	return true;
 }
 
+/* ifIndex, ifAdminStatus, ifOperStatus, as they were. */
+static bool add_link(struct note *note, const struct snmp_event *event)
+{
+	const uint32_t columns[] = {1, 7, 8}, values[] = {event->value.u, event->result, event->state};
+	uint32_t name[] = {1, 3, 6, 1, 2, 1, 2, 2, 1, 0, event->value.u};
+	const size_t length = sizeof(name) / sizeof(name[0]);
+	struct snmp_value value;
+
+	for (unsigned i = 0; i < sizeof(columns) / sizeof(columns[0]); i++) {
+		name[length - 2] = columns[i];
+		snmp_put_number(&value, SNMP_INTEGER, values[i]);
+		if (!add(note, name, length, &value))
+			return false;
+	}
+	return true;
+}
+
 static bool add_event(struct note *note, enum notification notification, uint32_t number)
 {
 	const struct snmp_event *event = snmp_event_at(note->agent, number);
@@ -262,6 +302,9 @@ static bool add_event(struct note *note, enum notification notification, uint32_
 		return add_event_column(note, SNMP_EVENT_KIND, number) &&
 		       add_event_column(note, SNMP_EVENT_CA, number) &&
 		       add_event_column(note, SNMP_EVENT_VALUE, number);
+	case NOTE_LINK_DOWN:
+	case NOTE_LINK_UP:
+		return add_link(note, event) && add_event_column(note, SNMP_EVENT_KIND, number);
 	case NOTE_COLD_START:
 	case NOTE_EVENTS_MISSED:
 		break;
