@@ -6,18 +6,19 @@ written holds keys that are localized to one engine (RFC 3414, 2.6): of one gate
 """
 
 import argparse
-import getpass
 import hashlib
 import os
 import secrets
 from dataclasses import dataclass
 from pathlib import Path
 
+from nuc980.asked import secret
 from nuc980.errors import UnusableInput
 from openrtu_tools import document
 from openrtu_tools.document import Json
 
 MEBIOCTET = 1 << 20
+NO_TERMINAL = "write them into a file: --passphrases FILE"
 SHORTEST = 8  # characters of a pass phrase: RFC 3414, 11.2
 PRIVATE_ENTERPRISE = 8072  # Net-SNMP's: random engine IDs of its format 5 (RFC 3411, SnmpEngineID)
 AUTHENTICATIONS = {"SHA-256": "sha256", "SHA-384": "sha384", "SHA-512": "sha512"}
@@ -88,8 +89,8 @@ def read_passphrases(path: Path) -> dict[str, Passphrases]:
 
 def asked(user: str, purpose: str) -> str:
     """Twice, as nobody sees what is typed: a slip would lock the user out of the gateway."""
-    first = getpass.getpass(f"{user}: pass phrase of {purpose}: ")
-    if getpass.getpass(f"{user}: the same once more: ") != first:
+    first = secret(f"{user}: pass phrase of {purpose}: ", NO_TERMINAL)
+    if secret(f"{user}: the same once more: ", NO_TERMINAL) != first:
         raise KeysError(f"{user}: the two pass phrases of {purpose} differ; nothing is written")
     return first
 

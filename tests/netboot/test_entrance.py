@@ -221,6 +221,9 @@ def test_password_is_a_line_of_a_file(tmp_path: Path) -> None:
 def test_password_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(getpass, "getpass", lambda prompt: "a word")
     assert read_password(Path("-")) == b"a word"
+    monkeypatch.setattr(getpass, "getpass", getpass.fallback_getpass)  # where there is no terminal
+    with pytest.raises(UnusableInput, match="no terminal to type at"):
+        read_password(Path("-"))
 
 
 @pytest.mark.parametrize(

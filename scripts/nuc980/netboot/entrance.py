@@ -3,11 +3,11 @@
 
 from __future__ import annotations
 
-import getpass
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from nuc980.asked import secret
 from nuc980.netboot.errors import UnusableInput
 
 # Of CONFIG_AUTOBOOT_KEYED too, whose default is "Autoboot in %d seconds": its text is free.
@@ -67,7 +67,7 @@ def read_password(file: Path) -> bytes:
     """The first line of a file, or what is typed at the terminal for "-". Raises UnusableInput."""
     if file == FROM_TERMINAL:
         try:
-            line = getpass.getpass("U-Boot's password: ")
+            line = secret("U-Boot's password: ", "name a file whose first line it is: --password-file FILE")
         except EOFError:
             raise UnusableInput("--password-file -: no password was typed") from None
     else:
