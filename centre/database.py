@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from openrtu_tools.centre.sqlite import SqliteStore
-from openrtu_tools.centre.store import Store
+from openrtu_tools.centre.store import Reader, Store
 
 
 def open_store(where: Path | str, alone: bool) -> Store:
@@ -16,3 +18,12 @@ def open_store(where: Path | str, alone: bool) -> Store:
     from openrtu_tools.centre.postgres import PostgresStore  # who has no server needs no asyncpg
 
     return PostgresStore(where, alone)
+
+
+def reader(where: Path | str) -> Callable[[], Reader]:
+    """Opens it for one who only reads. What that takes is loaded already."""
+    if isinstance(where, Path):
+        return partial(SqliteStore, where)
+    from openrtu_tools.centre.postgres import PostgresReader
+
+    return partial(PostgresReader, where)

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Files that take long, each made by a process of its own: `python -m openrtu_tools.centre.exports`.
 
-It reads one order (JSON) from its input, reads the database, and writes the file to its output, and to stderr
-which part is done, and what went wrong. Its parent (makers.py) serves the file, so no page waits for one.
+Started ahead, it is told by its input where the database is (JSON), loads what that takes, and waits for an
+order. It reads the database, and writes the file to its output, and to stderr which part is done, and what
+went wrong. Its parent (makers.py) serves the file, so no page waits for one.
 """
 
 from __future__ import annotations
@@ -16,21 +17,23 @@ import stat
 import sys
 import time
 from collections.abc import AsyncIterator, Callable
+from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from openrtu_tools.centre.codes import INVALID
-from openrtu_tools.centre.database import open_store
+from openrtu_tools.centre.database import reader
 from openrtu_tools.centre.errors import CentreError
 from openrtu_tools.centre.formats import FORMATS, Place, Writer, moment, table
 from openrtu_tools.centre.model import NS_PER_MS, Json, metres
-from openrtu_tools.centre.store import INTEGER_MOST, Row, Store
+from openrtu_tools.centre.store import INTEGER_MOST, Reader, Row
 from openrtu_tools.centre.trends import trend
 from openrtu_tools.centre.trips import Log
 
 ROWS_AT_ONCE = 2000  # what is in memory
 STRETCH_NS = 60 * 10**9
-NICENESS = 10  # values come first
+QUICK_S = 0.2  # of processor's time: what takes no more is made as fast as an answer for a page
+NICENESS = 10  # of all else: values come first
 ROOM = 4  # a file takes this part of what is free on its disk at most
 POINTS_MOST = 1000  # so many are looked for point by point; of more, all of a time is read
 TELL_S = 0.5  # between words of the progress
@@ -56,7 +59,7 @@ Rows = AsyncIterator[list[Row]]
 Text = AsyncIterator[str]
 
 
-async def rows_of_time(store: Store, sql: str, key: str, begin: int, end: int, *values: Any) -> Rows:
+async def rows_of_time(store: Reader, sql: str, key: str, begin: int, end: int, *values: Any) -> Rows:
     """Rows of a time by and by, oldest first. `sql` ends with a condition; `key` is unique for a time.
 
     A stretch at a time: a store that knows but roughly where a time lies sorts what is in the stretch.
@@ -76,11 +79,11 @@ async def rows_of_time(store: Store, sql: str, key: str, begin: int, end: int, *
             stretch = max(stretch // 2, STRETCH_NS)
         else:
             after = until, INTEGER_MOST
-            stretch *= 2
+            stretch *= 4
         progress.at((after[0] - begin) / max(1, end - begin))
 
 
-async def track(store: Store, point: int, begin: int, end: int, step_ns: int) -> AsyncIterator[list[Place]]:
+async def track(store: Reader, point: int, begin: int, end: int, step_ns: int) -> AsyncIterator[list[Place]]:
     """The places of a time by and by; with a step, the last one of each."""
     sql = "SELECT *, point AS key FROM track WHERE point = ?"
     last: Row | None = None
@@ -108,7 +111,7 @@ def _place(row: Row) -> Place:
 
 
 async def tracks(
-    store: Store, writer: Writer, names: dict[int, str], begin: int, end: int, step_ns: int
+    store: Reader, writer: Writer, names: dict[int, str], begin: int, end: int, step_ns: int
 ) -> Text:
     """A whole file of the ways of vehicles."""
     yield writer.begin()
@@ -124,14 +127,14 @@ async def tracks(
 # ---- by what is ordered --------------------------------------------------------------------------
 
 
-async def _tracks(store: Store, order: Json) -> Text:
+async def _tracks(store: Reader, order: Json) -> Text:
     names = {int(id_): name for id_, name in order["names"].items()}
     writer = FORMATS[order["format"]](order["gap_s"])
     async for text in tracks(store, writer, names, order["begin"], order["end"], order["step_ns"]):
         yield text
 
 
-async def _history(store: Store, order: Json) -> Text:
+async def _history(store: Reader, order: Json) -> Text:
     yield table([["time", "value", "quality", "cause"]])
     sql = "SELECT at_ns, id AS key, value, quality, cause FROM history WHERE point = ?"
     async for rows in rows_of_time(store, sql, "id", order["begin"], order["end"], order["point"]):
@@ -140,7 +143,7 @@ async def _history(store: Store, order: Json) -> Text:
         )
 
 
-async def _events(store: Store, order: Json) -> Text:
+async def _events(store: Reader, order: Json) -> Text:
     """Of the points in `names`: by id, the station's name and the point's."""
     yield table([["time", "station", "point", "value", "quality", "cause"]])
     names = {int(id_): name for id_, name in order["names"].items()}
@@ -163,7 +166,7 @@ async def _events(store: Store, order: Json) -> Text:
         )
 
 
-async def _audit(store: Store, order: Json) -> Text:
+async def _audit(store: Reader, order: Json) -> Text:
     """`where` and its values as api.audited has made them; `names` of stations, by id."""
     yield table([["time", "user", "action", "station", "detail"]])
     sql = f'SELECT at_ns, id AS key, "user", action, station, detail FROM audit WHERE TRUE{order["where"]}'
@@ -180,7 +183,7 @@ async def _audit(store: Store, order: Json) -> Text:
         )
 
 
-async def _trends(store: Store, order: Json) -> Text:
+async def _trends(store: Reader, order: Json) -> Text:
     """What the page draws: of each point its columns, or its changes where there are few."""
     yield table([["time", "station", "point", "unit", "low", "high", "last", "quality", "rows", "exact"]])
     for id_, station, name, unit in order["points"]:
@@ -194,7 +197,7 @@ async def _trends(store: Store, order: Json) -> Text:
         )  # fmt: skip
 
 
-async def _trips(store: Store, order: Json) -> Text:
+async def _trips(store: Reader, order: Json) -> Text:
     """As JSON or CSV; the speeds of trips are in JSON."""
     log = Log(order["gap_s"])
     async for places in track(store, order["point"], order["begin"], order["end"], 0):
@@ -209,7 +212,7 @@ async def _trips(store: Store, order: Json) -> Text:
         yield table([[moment(view[key]) if key in ("from", "to") else view.get(key, "") for key in columns]])
 
 
-MAKERS: dict[str, Callable[[Store, Json], Text]] = {
+MAKERS: dict[str, Callable[[Reader, Json], Text]] = {
     "tracks": _tracks,
     "history": _history,
     "events": _events,
@@ -219,12 +222,12 @@ MAKERS: dict[str, Callable[[Store, Json], Text]] = {
 }
 
 
-async def _write(order: Json) -> None:
-    where = order["database"]
-    store = open_store(Path(where) if order["is_file"] else where, alone=False)
+async def _write(opens: Callable[[], Reader], order: Json, file: IO[bytes]) -> None:
+    store = opens()
     try:
         async for text in MAKERS[order["what"]](store, order):
-            sys.stdout.buffer.write(text.encode())
+            file.write(text.encode())
+        file.flush()
     finally:
         store.close()
 
@@ -240,20 +243,36 @@ def _leave_room() -> None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
 
 
+def _read() -> Json | None:
+    line = sys.stdin.buffer.readline()
+    return json.loads(line) if line else None
+
+
+def _step_back(*_: object) -> None:
+    """Each thread has a niceness of its own."""
+    for thread in Path("/proc/self/task").iterdir():
+        with suppress(ProcessLookupError):
+            nice = os.getpriority(os.PRIO_PROCESS, int(thread.name)) + NICENESS
+            os.setpriority(os.PRIO_PROCESS, int(thread.name), nice)
+
+
 def _tell(part: float) -> None:
     print(f"{part:.4f}", file=sys.stderr, flush=True)
 
 
 def main() -> int:
-    os.nice(NICENESS)
-    line = sys.stdin.buffer.readline()
-    if not line:
+    where = _read()
+    opens = reader(Path(where["database"]) if where["is_file"] else where["database"]) if where else None
+    order = _read()
+    if not opens or not order:
         return 0  # nobody needed it
+    signal.signal(signal.SIGPROF, _step_back)
+    signal.setitimer(signal.ITIMER_PROF, QUICK_S)
     _leave_room()
     progress.tell = _tell
     try:
-        asyncio.run(_write(json.loads(line)))
-        sys.stdout.buffer.flush()
+        # stdout itself has no buffer where the environment says so, and then writes a part and says nothing.
+        asyncio.run(_write(opens, order, os.fdopen(sys.stdout.fileno(), "wb", closefd=False)))
     except BrokenPipeError:
         os._exit(1)  # who asked has left; Python would try once more to write
     except CentreError as error:

@@ -107,7 +107,7 @@ class Made:
 
 class Makers:
     def __init__(self, database: Path | str) -> None:
-        self.database = database
+        self._where = _line({"database": str(database), "is_file": isinstance(database, Path)})
         self.folder = database.parent if isinstance(database, Path) else None
         self.made: dict[str, Made] = {}
         self._turn = asyncio.Semaphore(AT_ONCE)
@@ -207,6 +207,8 @@ class Makers:
             sys.executable, "-m", "openrtu_tools.centre.exports",
             stdin=PIPE, stdout=file, stderr=PIPE, env={**os.environ, "PYTHONPATH": path},
         )  # fmt: skip
+        assert process.stdin
+        process.stdin.write(self._where)
         return Maker(process, file)
 
     async def _take(self) -> Maker:
@@ -241,9 +243,8 @@ class Makers:
     async def _watch(self, made: Made, process: Process, order: Json) -> None:
         """Raises StoreError when it could not be made to its end."""
         assert process.stdin and process.stderr
-        whole = {**order, "database": str(self.database), "is_file": isinstance(self.database, Path)}
         with suppress(ConnectionError):  # of one that has ended: it says why
-            process.stdin.write(json.dumps(whole).encode() + b"\n")
+            process.stdin.write(_line(order))
             await process.stdin.drain()
             process.stdin.close()
         said = ""
@@ -255,6 +256,10 @@ class Makers:
         if await process.wait():
             raise StoreError(said or ENDED)
         made.part = 1.0
+
+
+def _line(said: Json) -> bytes:
+    return json.dumps(said).encode() + b"\n"
 
 
 async def _end(maker: Maker, keep: bool = False) -> None:

@@ -21,7 +21,7 @@ import asyncpg
 from openrtu_tools.centre.errors import CentreError, StoreError
 from openrtu_tools.centre.records import UNKNOWN_ALTITUDE
 from openrtu_tools.centre.rollup import mark, mark_time
-from openrtu_tools.centre.store import READERS, Answer, Database, EventRow, Row, Store
+from openrtu_tools.centre.store import READERS, Answer, Database, EventRow, Reader, Row, Store
 
 T = TypeVar("T")
 
@@ -46,6 +46,8 @@ SERVER = {
     "tcp_keepalives_interval": "5",
     "tcp_keepalives_count": "4",
 }
+# A plan for any time is one of all weeks: to make it takes longer than what it is for.
+READING = {**SERVER, "plan_cache_mode": "force_custom_plan"}
 
 # What brings a database from each version to the next. Only ever add to its end. `history` and `track` refer
 # to points without a foreign key: no point is ever deleted, and each check would cost as much as the row.
@@ -384,24 +386,47 @@ class Session:
         self.do(self.connection.execute(text))
 
 
-class PostgresStore(Store):
-    """A server, by its address (postgresql://…). Raises CentreError when it is not to be used.
+class PostgresReader(Reader):
+    """A server, by its address (postgresql://…). It is asked when something is read."""
+
+    among = "IN (SELECT json_array_elements_text(?::json)::bigint)"
+    wanted = "(SELECT json_array_elements_text(?::json)::bigint AS number) AS wanted"
+
+    def __init__(self, address: str) -> None:
+        self.address = address
+        self._pool: asyncpg.Pool | None = None
+
+    async def read(self, sql: str, *values: Any) -> list[Row]:
+        try:
+            if self._pool is None:
+                self._pool = await asyncpg.create_pool(  # connects when it must
+                    self.address, min_size=0, max_size=READERS, timeout=CONNECT_S,
+                    command_timeout=ANSWER_S, server_settings=READING,
+                )  # fmt: skip
+            async with self._pool.acquire() as connection:
+                return [dict(row) for row in await connection.fetch(numbered(sql), *values)]
+        except FAULTS as error:
+            raise StoreError(_text(error)) from error
+
+    def close(self) -> None:
+        if self._pool is not None:
+            self._pool.terminate()
+
+
+class PostgresStore(PostgresReader, Store):
+    """Raises CentreError when the server is not to be used.
 
     `alone`: no other centre may work on it, and what became of a transaction is found out when its answer is
     lost.
     """
 
-    among = "IN (SELECT json_array_elements_text(?::json)::bigint)"
-    wanted = "(SELECT json_array_elements_text(?::json)::bigint AS number) AS wanted"
-
     def __init__(self, address: str, alone: bool) -> None:
-        super().__init__()
-        self.address = address
+        PostgresReader.__init__(self, address)
+        Store.__init__(self)
         self.alone = alone
         self.drop_weeks = self._drop_weeks
         self._loop = asyncio.new_event_loop()
         self._session: Session | None = None
-        self._pool: asyncpg.Pool | None = None
         self._closing = threading.Event()
         try:
             self._writer.submit(self._connect).result()
@@ -536,25 +561,10 @@ class PostgresStore(Store):
         if table == "history":
             mark(database, ((row["point"], row["at_ns"]) for row in gone))
 
-    # ---- reading -----------------------------------------------------------------------------
-
-    async def read(self, sql: str, *values: Any) -> list[Row]:
-        try:
-            if self._pool is None:
-                self._pool = await asyncpg.create_pool(  # connects when it must
-                    self.address, min_size=0, max_size=READERS, timeout=CONNECT_S,
-                    command_timeout=ANSWER_S, server_settings=SERVER,
-                )  # fmt: skip
-            async with self._pool.acquire() as connection:
-                return [dict(row) for row in await connection.fetch(numbered(sql), *values)]
-        except FAULTS as error:
-            raise StoreError(_text(error)) from error
-
     def close(self) -> None:
         self._closing.set()
-        super().close()
-        if self._pool is not None:
-            self._pool.terminate()
+        Store.close(self)
+        PostgresReader.close(self)
         if self._session:
             self._session.connection.terminate()
         self._loop.close()

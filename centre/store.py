@@ -61,11 +61,24 @@ class Database(Protocol):
         """All at once, each by its id, which stands behind the columns."""
 
 
-class Store(ABC):
+class Reader(ABC):
     """An open database. What goes wrong with it is a StoreError, and can be tried again."""
 
     among = ""  # a condition: one of the list of numbers that is given as JSON
     wanted = ""  # a table of these numbers, as `wanted.number`
+
+    @abstractmethod
+    async def read(self, sql: str, *values: Any) -> list[Row]:
+        """The rows, as they were last stored."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Ends what is under way and closes the database."""
+
+
+class Store(Reader):
+    """One that is written, too."""
+
     # Lets go of what is older in a table that is kept by weeks; None: its rows are deleted.
     drop_weeks: Callable[[Database, str, int], None] | None = None
 
@@ -77,12 +90,7 @@ class Store(ABC):
     def _transaction(self, work: Callable[[Database], Answer]) -> Answer:
         """In the writer's thread."""
 
-    @abstractmethod
-    async def read(self, sql: str, *values: Any) -> list[Row]:
-        """The rows, as they were last stored."""
-
     def close(self) -> None:
-        """Ends what is under way and closes the database."""
         self._writer.shutdown()
 
     def transaction(self, work: Callable[[Database], Answer]) -> Answer:

@@ -13,7 +13,7 @@ from itertools import pairwise
 from openrtu_tools.centre.codes import INVALID
 from openrtu_tools.centre.model import NS_PER_MS, Json
 from openrtu_tools.centre.rollup import MUCH, OF_HISTORY, OF_ROLLUP, PART, SLOT, bounded
-from openrtu_tools.centre.store import Row, Store
+from openrtu_tools.centre.store import Reader, Row
 
 RANGES_MOST = 16  # that one question is split into
 NEAR_NS = 86400 * 10**9
@@ -52,7 +52,7 @@ class Trend:
         return {"exact": self.exact, "columns": rows}
 
 
-async def trend(store: Store, point: int, begin: int, end: int, most: int) -> Trend:
+async def trend(store: Reader, point: int, begin: int, end: int, most: int) -> Trend:
     """Exact where it has no more rows than `most` columns. The first one says what held at the begin."""
     shift = _shift(begin, end, most)
     if shift >= PART and await _at_least(store, point, begin, end) > most:
@@ -70,7 +70,7 @@ async def trend(store: Store, point: int, begin: int, end: int, most: int) -> Tr
     return Trend(True, found)
 
 
-async def _at_least(store: Store, point: int, begin: int, end: int) -> int:
+async def _at_least(store: Reader, point: int, begin: int, end: int) -> int:
     """So many rows, by what is summed up: PostgreSQL plans for each week of which it is to count some."""
     within = "point = ?1 AND slot BETWEEN ?2 AND ?3"
     [row] = await store.read(
@@ -89,7 +89,7 @@ def _shift(begin: int, end: int, most: int) -> int:
     return shift
 
 
-async def _before(store: Store, point: int, at_ns: int) -> Row | None:
+async def _before(store: Reader, point: int, at_ns: int) -> Row | None:
     """What held until then. Mostly it is near: PostgreSQL plans for few weeks then, and not for all."""
     for since in (at_ns - NEAR_NS, TIME_LEAST):
         rows = await store.read(
@@ -111,7 +111,7 @@ def _exact(at_ns: int, row: Row, number: int = 1) -> Column:
     return Column(at_ns, value, value, value, row["quality"], number)
 
 
-async def _in_columns(store: Store, point: int, begin: int, end: int, shift: int) -> Trend:
+async def _in_columns(store: Reader, point: int, begin: int, end: int, shift: int) -> Trend:
     first, last = begin >> shift, end >> shift
     before = await _before(store, point, first << shift)
     by_slot: dict[int, Row] = {}
@@ -148,7 +148,7 @@ def _joined(a: Row, b: Row) -> Row:
     }
 
 
-async def _summed(store: Store, point: int, shift: int, begin: int, end: int) -> AsyncIterator[Row]:
+async def _summed(store: Reader, point: int, shift: int, begin: int, end: int) -> AsyncIterator[Row]:
     """Of parts of slots, in order of time: out of what is summed up and fine enough; what is not, out of the
     history itself."""
     if shift < PART:
@@ -194,7 +194,7 @@ def _with_last(found: str) -> str:
     )
 
 
-async def _of_history(store: Store, point: int, shift: int, begin: int, end: int) -> list[Row]:
+async def _of_history(store: Reader, point: int, shift: int, begin: int, end: int) -> list[Row]:
     found = (
         f"SELECT at_ns >> {shift} AS part, {OF_HISTORY}, max(at_ns) AS last_ns FROM history"
         f" WHERE point = ?1 AND at_ns BETWEEN ?2 AND ?3 GROUP BY at_ns >> {shift}"
@@ -202,7 +202,7 @@ async def _of_history(store: Store, point: int, shift: int, begin: int, end: int
     return await store.read(_with_last(found), point, begin, end)
 
 
-async def _of_few(store: Store, point: int, shift: int, begin: int, end: int) -> list[Row]:
+async def _of_few(store: Reader, point: int, shift: int, begin: int, end: int) -> list[Row]:
     """Out of the slots that have no parts."""
     found = (
         f"SELECT at_ns >> {shift} AS part, {OF_HISTORY}, max(at_ns) AS last_ns FROM rollup CROSS JOIN history"
@@ -213,7 +213,7 @@ async def _of_few(store: Store, point: int, shift: int, begin: int, end: int) ->
     return await store.read(_with_last(found), point, begin, end, begin >> SLOT, end >> SLOT)
 
 
-async def _of_rollup(store: Store, point: int, shift: int, begin: int, end: int) -> list[Row]:
+async def _of_rollup(store: Reader, point: int, shift: int, begin: int, end: int) -> list[Row]:
     if begin > end:
         return []
     level = SLOT if shift >= SLOT else PART

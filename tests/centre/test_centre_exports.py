@@ -5,9 +5,12 @@ import asyncio
 import contextlib
 import csv
 import io
+import json
 import os
 import resource
 import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -17,7 +20,7 @@ import pytest
 from openrtu_tools.centre import makers
 from openrtu_tools.centre.database import open_store
 from openrtu_tools.centre.errors import RefusedError, StoreError
-from openrtu_tools.centre.exports import POINTS_MOST
+from openrtu_tools.centre.exports import NICENESS, POINTS_MOST
 from openrtu_tools.centre.makers import Makers
 from openrtu_tools.centre.store import EventRow
 from postgres import Server
@@ -175,8 +178,9 @@ def test_files_are_kept_for_a_time_and_few_of_one(
 
 
 def test_file_leaves_room_on_the_disk(database: Path | str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It shares the disk with the database."""
+    """It shares the disk with the database. Half a file is none, whether Python has a buffer or not."""
     monkeypatch.setenv("PYTHONPATH", "")
+    monkeypatch.setenv("PYTHONUNBUFFERED", "1")
     order = events({1: ("north", "pump")})
 
     async def work(files: Makers) -> str:
@@ -189,6 +193,38 @@ def test_file_leaves_room_on_the_disk(database: Path | str, monkeypatch: pytest.
         return new.fault
 
     assert "no room" in with_makers(database, work)
+
+
+LONG = """
+import asyncio, os, time
+from openrtu_tools.centre import exports
+
+def nicenesses():
+    return {os.getpriority(os.PRIO_PROCESS, int(thread)) for thread in os.listdir("/proc/self/task")}
+
+async def work(store, order):
+    await store.read("SELECT 1")
+    begun = nicenesses()
+    yield f"{begun}, "
+    while nicenesses() == begun and time.process_time() < 20 * exports.QUICK_S:
+        await asyncio.sleep(0)
+    yield f"{nicenesses()}"
+
+exports.MAKERS["long"] = work
+exports.main()
+"""
+
+
+def test_file_that_takes_longer_steps_back_with_all_its_threads(tmp_path: Path) -> None:
+    """A short one is made as fast as a page is answered, beside whatever is at work."""
+    where = {"database": str(tmp_path / "centre.db"), "is_file": True}
+    said = "".join(json.dumps(each) + "\n" for each in (where, {"what": "long"}))
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(
+        [sys.executable, "-c", LONG], input=said, capture_output=True, text=True, env=environment, check=True
+    )
+    mine = os.getpriority(os.PRIO_PROCESS, 0)
+    assert done.stdout == f"{{{mine}}}, {{{min(19, mine + NICENESS)}}}", done.stderr
 
 
 def test_database_that_is_gone_is_named(tmp_path: Path) -> None:
