@@ -128,9 +128,13 @@ async def _answered(
     return response
 
 
-def _range(asked: Asked) -> tuple[int, int | None] | None:
-    """Of octets, the first and the one behind the last; None: all. Several ranges are none."""
-    found = re.fullmatch(r"bytes=(\d{1,18})-(\d{0,18})", asked.request.headers.get("Range", ""))
+def _range(text: str) -> tuple[int, int | None] | None:
+    """Of octets, the first and the one behind the last; None: all. Several ranges are none.
+
+    >>> [_range(text) for text in ("bytes=5-9", "bytes=5-", "bytes=-5", "octets=1-", "bytes=1-2,5-6", "")]
+    [(5, 10), (5, None), None, None, None, None]
+    """
+    found = re.fullmatch(r"bytes=([0-9]{1,18})-([0-9]{0,18})", text)
     return found and (int(found[1]), int(found[2]) + 1 if found[2] else None)
 
 
@@ -142,7 +146,7 @@ def _owner(asked: Asked) -> Hashable:
 async def _made(asked: Asked, order: Json, kind: str, name: str) -> web.StreamResponse:
     """A file that may be long: by a process of its own. Who was cut off takes the rest of the same one."""
     makers, owner, key = asked.centre.makers, _owner(asked), asked.request.path_qs
-    wanted = _range(asked)
+    wanted = _range(asked.request.headers.get("Range", ""))
     made = makers.find(owner, key, asked.request.headers.get("If-Range")) if wanted else None
     if made:
         with makers.reading(made):
