@@ -25,12 +25,12 @@ static struct place place_of(const struct map_config *config, uint16_t process, 
 	return place;
 }
 
-/* The lines of its process, then all their devices: what other processes have changes nothing in it. */
+/* The lines of its process, then all their devices, then all their frames: what other processes have changes nothing in it. */
 size_t modbus_stats_size(const struct map_config *config, uint16_t process)
 {
 	const struct place all = place_of(config, process, modbus_port_count(config));
 
-	return all.lines * sizeof(struct modbus_line_stats) +
+	return all.lines * (sizeof(struct modbus_line_stats) + sizeof(struct modbus_frames)) +
 	       all.devices * sizeof(struct modbus_device_stats);
 }
 
@@ -75,6 +75,16 @@ static size_t offset_of_device(const struct map_config *config, uint32_t device)
 	return lines * sizeof(struct modbus_line_stats) + devices * sizeof(struct modbus_device_stats);
 }
 
+static size_t offset_of_frames(const struct map_config *config, uint32_t line)
+{
+	const struct modbus_port *port = &modbus_ports(config)[line];
+	const struct place all = place_of(config, port->process, modbus_port_count(config));
+
+	return all.lines * sizeof(struct modbus_line_stats) +
+	       all.devices * sizeof(struct modbus_device_stats) +
+	       place_of(config, port->process, line).lines * sizeof(struct modbus_frames);
+}
+
 struct modbus_line_stats *modbus_line_stats(const struct map *map, uint32_t line)
 {
 	const struct map_config *config = map_config(map);
@@ -89,6 +99,14 @@ struct modbus_device_stats *modbus_device_stats(const struct map *map, uint32_t 
 	uint8_t *section = stats_of(map, &modbus_ports(config)[modbus_slaves(config)[device].port]);
 
 	return (void *)(section + offset_of_device(config, device));
+}
+
+struct modbus_frames *modbus_line_frames(const struct map *map, uint32_t line)
+{
+	const struct map_config *config = map_config(map);
+	uint8_t *section = stats_of(map, &modbus_ports(config)[line]);
+
+	return (void *)(section + offset_of_frames(config, line));
 }
 
 /* ---- what passes over to another process ------------------------------------------------------ */
@@ -139,6 +157,8 @@ void modbus_carry_stats(const struct map_config *before, const void *from, const
 		memcpy((uint8_t *)to + offset_of_line(now, i) + named,
 		       (const uint8_t *)from + offset_of_line(before, line) + named,
 		       sizeof(struct modbus_line_stats) - named);
+		memcpy((uint8_t *)to + offset_of_frames(now, i),
+		       (const uint8_t *)from + offset_of_frames(before, line), sizeof(struct modbus_frames));
 		carry_devices(before, &modbus_ports(before)[line], from, now, port, to);
 	}
 }

@@ -6,6 +6,7 @@
 #include <stdatomic.h>
 
 #include "map/map.h"
+#include "modbus/frames.h"
 
 #define MODBUS_KIND "modbus"
 
@@ -84,6 +85,7 @@ struct modbus_device_stats {
 /* Owner: to count in. Others get the same memory read-only. */
 struct modbus_line_stats *modbus_line_stats(const struct map *map, uint32_t line);
 struct modbus_device_stats *modbus_device_stats(const struct map *map, uint32_t device);
+struct modbus_frames *modbus_line_frames(const struct map *map, uint32_t line);
 
 /* Owner: names the counters of a line by its port, as in "p1.crc_errors". */
 void modbus_name_counters(struct map *map, uint32_t line);

@@ -92,7 +92,7 @@ void words_age(double seconds, char *out)
 	snprintf(out, WORDS_SIZE, "%.*f %s", steps[i].decimals, seconds / steps[i].unit, steps[i].name);
 }
 
-void words_time(int64_t wall_ns, char *out)
+static void put_time(int64_t wall_ns, int digits, int64_t unit_ns, char *out)
 {
 	time_t seconds = (time_t)(wall_ns / NS_PER_S);
 	char date[WORDS_SIZE / 2];
@@ -100,7 +100,17 @@ void words_time(int64_t wall_ns, char *out)
 
 	gmtime_r(&seconds, &utc);
 	strftime(date, sizeof(date), "%Y-%m-%dT%H:%M:%S", &utc);
-	snprintf(out, WORDS_SIZE, "%s.%03dZ", date, (int)(wall_ns % NS_PER_S / NS_PER_MS));
+	snprintf(out, WORDS_SIZE, "%s.%0*dZ", date, digits, (int)(wall_ns % NS_PER_S / unit_ns));
+}
+
+void words_time(int64_t wall_ns, char *out)
+{
+	put_time(wall_ns, 3, NS_PER_MS, out);
+}
+
+void words_time_us(int64_t wall_ns, char *out)
+{
+	put_time(wall_ns, 6, NS_PER_US, out);
 }
 
 /* ---- values ------------------------------------------------------------------------------ */

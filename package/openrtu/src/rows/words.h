@@ -25,6 +25,8 @@ void words_quality(uint8_t quality, char *out);
 void words_age(double seconds, char *out);
 /* A wall time in nanoseconds since 1970 as "2026-11-20T23:46:01.123Z". */
 void words_time(int64_t wall_ns, char *out);
+/* The same with microseconds. */
+void words_time_us(int64_t wall_ns, char *out);
 
 /*
  * A value: "on" and "off", a double's four states, numbers; a normalized value as a fraction of 1, an angle in degrees. A new reference; null for a

@@ -24,7 +24,8 @@ enum {
 	TAKES_ONCE = 32,
 	TAKES_DRY_RUN = 64,
 	TAKES_SVG = 128,
-	TAKES_DURATION = 256
+	TAKES_DURATION = 256,
+	TAKES_PCAPNG = 512, /* and follows */
 };
 
 struct command {
@@ -102,6 +103,17 @@ static const struct command commands[] = {
      "the kernel has given that process, and a verdict.\n"
      "--suggest prints what it has learned as keys for the configuration, with the reasons.\n",
      rtuctl_lines},
+    {"frames", "[PORT] [--follow] [--count N] [--pcapng FILE]", 0, 1, TAKES_COUNT | TAKES_PCAPNG, NULL,
+     "what went over the lines last, in both directions",
+     "PORT is the number of one line. > is what the gateway has sent, < what it has received; + that there "
+     "are more\n"
+     "octets, which --json prints. Some 8 KiB of each line are kept. --follow goes on with what comes, until "
+     "Ctrl-C;\n"
+     "--count ends it after N frames, or prints the newest N. --pcapng writes into FILE for Wireshark, which "
+     "decodes it\n"
+     "without settings; FILE - is the standard output: rtuctl frames --follow --pcapng - | wireshark -k -i "
+     "-\n",
+     rtuctl_frames},
     {"iec104", "[TABLE]", 0, 1, 0, NULL, "controlling stations: connections, event queues, counters",
      "TABLE is connections, queues or counters; without it, all of them. A queue's name is that of its\n"
      "redundancy group, or an address. WAITING events are not acknowledged; UNACKED is how many of them were "
@@ -179,10 +191,11 @@ static void print_help(void)
 {
 	puts("usage: rtuctl [--map DIR] [--json] COMMAND [ARGUMENT]...\n");
 	for (size_t i = 0; i < COUNT(commands); i++)
-		printf("  %-9s %-38s %s\n", commands[i].name, commands[i].arguments, commands[i].summary);
+		printf("  %-9s %-46s %s\n", commands[i].name, commands[i].arguments, commands[i].summary);
 	puts("\n"
 	     "  --map DIR   folder of the point map [$OPENRTU_MAP, else /run/openrtu]\n"
-	     "  --json      for scripts: one array; one object a line for watch, events, log, set and step\n"
+	     "  --json      for scripts: one array; one object a line for watch, events, frames, log, set "
+	     "and step\n"
 	     "  --help      this text, or after a command that command's\n"
 	     "  --version   the version\n"
 	     "  --completion  the completion of bash, for its folder of completions\n"
@@ -203,11 +216,8 @@ static const char *lister_of(const struct command *command, const char *word, si
 {
 	static const struct {
 		const char *word, *lister;
-	} placeholders[] = {{"PATTERN", "points"},
-			    {"NAME", "points"},
-			    {"MODULE", "modules"},
-			    {"RECEIVER", "gps"},
-			    {"PROGRAM", "logic"}};
+	} placeholders[] = {{"PATTERN", "points"}, {"NAME", "points"},  {"MODULE", "modules"},
+			    {"PORT", "lines"},     {"RECEIVER", "gps"}, {"PROGRAM", "logic"}};
 	const char *lister = NULL;
 
 	for (size_t i = 0; i < COUNT(placeholders); i++)
@@ -343,6 +353,8 @@ static const struct option options[] = {
     {"once", no_argument, NULL, 'o'},
     {"svg", required_argument, NULL, 'v'},
     {"dry-run", no_argument, NULL, 'd'},
+    {"follow", no_argument, NULL, 'w'},
+    {"pcapng", required_argument, NULL, 'P'},
     {"for", required_argument, NULL, 'f'},
     {"help", no_argument, NULL, 'h'},
     {"version", no_argument, NULL, 'V'},
@@ -383,6 +395,12 @@ static int take_option(struct line *line, int argc, char **argv)
 		return RTUCTL_DONE;
 	case 'd':
 		line->request.dry_run = true;
+		return RTUCTL_DONE;
+	case 'w':
+		line->request.follow = true;
+		return RTUCTL_DONE;
+	case 'P':
+		line->request.pcapng = optarg;
 		return RTUCTL_DONE;
 	case 'f':
 		line->request.duration = optarg;
@@ -434,6 +452,12 @@ static int check_line(const struct line *line)
 		return not_for(line->command, "--once");
 	if (line->request.svg != NULL && !(line->command->takes & TAKES_SVG))
 		return not_for(line->command, "--svg");
+	if (line->request.follow && !(line->command->takes & TAKES_PCAPNG))
+		return not_for(line->command, "--follow");
+	if (line->request.pcapng != NULL && !(line->command->takes & TAKES_PCAPNG))
+		return not_for(line->command, "--pcapng");
+	if (line->request.pcapng != NULL && line->request.json)
+		return wrong_usage(line->command, "frames takes --pcapng or --json, not both", "");
 	if (line->request.dry_run && !(line->command->takes & TAKES_DRY_RUN))
 		return not_for(line->command, "--dry-run");
 	if (line->request.json && line->command->takes & TAKES_ONCE)

@@ -33,9 +33,11 @@ struct rtuctl_request {
 	bool suggest;
 	bool once;
 	bool dry_run;
+	bool follow;
 	const char *pulse;    /* NULL: none */
 	const char *duration; /* of a force; NULL: as usual */
 	const char *svg;      /* a file; NULL: none */
+	const char *pcapng;   /* the same */
 };
 
 /* One command: runs on an attached map and returns an exit code. */
@@ -54,6 +56,7 @@ rtuctl_command rtuctl_lines;
 rtuctl_command rtuctl_histogram;      /* lines --histogram */
 rtuctl_command rtuctl_scan_histogram; /* modules --histogram */
 rtuctl_command rtuctl_suggest;        /* lines --suggest */
+rtuctl_command rtuctl_frames;
 rtuctl_command rtuctl_gps;
 rtuctl_command rtuctl_logic;
 rtuctl_command rtuctl_iec104;

@@ -273,6 +273,7 @@ void port_init(struct port *port, struct map *map, uint32_t number, const char *
 	const struct modbus_port *line = &modbus_ports(map_config(map))[number];
 
 	*port = (struct port){.map = map,
+			      .frames = modbus_line_frames(map, number),
 			      .config = line,
 			      .number = number,
 			      .epoll_fd = epoll_fd,
@@ -354,6 +355,8 @@ static void read_port(struct port *port)
 		ssize_t length = read(port->fd, bytes, sizeof(bytes));
 		int64_t now_ns = map_now_ns();
 
+		if (length > 0)
+			modbus_frames_add(port->frames, MODBUS_RECEIVED, bytes, (size_t)length, now_ns);
 		if (length > 0 && !modbus_line_receive(&port->line, bytes, (size_t)length, now_ns))
 			lose_port(port, "it sends something that is not Modbus", now_ns);
 		else if (length == 0 || (length < 0 && errno != EAGAIN && errno != EINTR))
@@ -375,6 +378,8 @@ static void write_port(struct port *port, const struct modbus_output *output, in
 	port->answered = port->line.counters.answers;
 	ssize_t length = write(port->fd, output->frame, output->length);
 
+	if (length > 0)
+		modbus_frames_add(port->frames, MODBUS_SENT, output->frame, (size_t)length, now_ns);
 	if (length < 0 && has_hung_up(port, errno))
 		end_port(port, strerror(errno), now_ns);
 	else if (length != (ssize_t)output->length)

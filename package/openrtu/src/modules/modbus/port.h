@@ -13,6 +13,7 @@
 #include "map/map.h"
 #include "map/repeats.h"
 #include "modbus/config.h"
+#include "modbus/frames.h"
 #include "modbus/line.h"
 
 #define PORT_PATH_SIZE 512
@@ -32,6 +33,7 @@ struct port {
 
 	/* The port's own. */
 	struct map *map;
+	struct modbus_frames *frames;
 	const struct port_backend *backend; /* a serial port or a TCP connection */
 	int epoll_fd;
 	char path[PORT_PATH_SIZE];
