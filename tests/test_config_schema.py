@@ -390,10 +390,11 @@ def wrong_values(rule: dict[str, Any]) -> Iterator[tuple[Any, str]]:
 def test_schema_and_loader_agree_on_values(programs: Path, tmp_path: Path, site: Site) -> None:
     for key, rule in ((key, resolved(rule)) for key, rule in site.properties().items()):
         values = accepted_values(key, rule)
-        if key in ("ln", "register"):
+        if key in ("ln", "register", "data_bits"):
             values = {
                 "ln": [LN_OF.get(site.name(), "MMXU1.TotW")],
                 "register": REGISTER_OF.get(site.name()),
+                "data_bits": [8],  # 7 takes ASCII
             }[key]
         for value in values:
             document = with_key(site, key, value)

@@ -20,7 +20,7 @@ from peers.device import BAUD_RATE, FIRST_ADDRESS, UNIT, Device
 from peers.device_server import device_server
 from peers.libmodbus_device import LibmodbusDevice
 from peers.line import line
-from peers.pymodbus_device import PymodbusDevice, PymodbusRtuDevice
+from peers.pymodbus_device import PymodbusAsciiDevice, PymodbusDevice, PymodbusRtuDevice
 
 pytestmark = pytest.mark.slow  # four devices in Python; those of the quick tests are linesim's
 
@@ -31,7 +31,8 @@ RTU_PORTS = {
     "pymodbus-rtu": 9,
     "libmodbus-server": 10,
 }  # RTU over TCP: the one itself, the other behind a device server
-PEERS = [*MAKES, *(f"{make}-tcp" for make in MAKES), *RTU_PORTS]
+ASCII, ASCII_PORT = "pymodbus-ascii", 3  # ttyS3
+PEERS = [*MAKES, *(f"{make}-tcp" for make in MAKES), *RTU_PORTS, ASCII]
 
 PATIENCE_MS = 1500  # a device of Python on a busy host is not dead
 MISSING = FIRST_ADDRESS - 1  # configured in every table, and no address of the devices
@@ -88,6 +89,8 @@ def gateway_config(listening: dict[str, int]) -> dict[str, Any]:
     serial = {"active": 1, "baud_rate": BAUD_RATE, "data_bits": 8, "stop_bits": 1, "parity": 0}
     slaves = [{"id": UNIT, **patience(PATIENCE_MS), **OBJECTS}]
     ports = [{"value": port, **serial, "slaves": slaves} for port in SERIAL_PORTS.values()]
+    text = {"framing": "ascii", "data_bits": 7, "parity": 2}
+    ports.append({"value": ASCII_PORT, **serial, **text, "slaves": slaves})
     for make, port in TCP_PORTS.items():
         host = {"host": "127.0.0.1", "tcp_port": listening[make]}
         ports.append({"value": port, "active": 1, **host, "slaves": slaves})
@@ -164,6 +167,8 @@ def peers(programs: Path) -> Iterator[dict[str, Peer]]:
             devices[name] = SERIAL_PORTS[name], stack.enter_context(powered(make(end)))
             served = stack.enter_context(powered(make(listening[name])))
             devices[f"{name}-tcp"] = TCP_PORTS[name], served
+        stack.enter_context(line(directory / "dev" / f"ttyS{ASCII_PORT}", directory / ASCII))
+        devices[ASCII] = ASCII_PORT, stack.enter_context(powered(PymodbusAsciiDevice(directory / ASCII)))
         gateway = stack.enter_context(Gateway(config, directory, programs))
         stack.enter_context(recorded(gateway))
         master = stack.enter_context(Master(*gateway.address))

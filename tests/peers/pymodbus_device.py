@@ -29,6 +29,7 @@ def _registers() -> list[SimData]:
 class PymodbusDevice(Device):
     identity: ModbusDeviceIdentification | None = None
     framer = FramerType.SOCKET  # on TCP
+    line_framer = FramerType.RTU  # on a line
     _server: ModbusSerialServer | ModbusTcpServer
 
     def start(self) -> None:
@@ -65,7 +66,11 @@ class PymodbusDevice(Device):
             )
         else:
             self._server = ModbusSerialServer(
-                memory, port=str(self.place), baudrate=BAUD_RATE, trace_pdu=self._trace
+                memory,
+                framer=self.line_framer,
+                port=str(self.place),
+                baudrate=BAUD_RATE,
+                trace_pdu=self._trace,
             )
         await self._server.serve_forever(background=True)
 
@@ -82,3 +87,9 @@ class PymodbusRtuDevice(PymodbusDevice):
     """On TCP, it takes and gives the frames of a serial line."""
 
     framer = FramerType.RTU
+
+
+class PymodbusAsciiDevice(PymodbusDevice):
+    """On a line, with frames of text."""
+
+    line_framer = FramerType.ASCII

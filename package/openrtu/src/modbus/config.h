@@ -50,6 +50,7 @@ struct modbus_port {
 	uint16_t module;       /* number of that process; planned by its kind */
 	uint16_t first_device; /* place among the slaves */
 	uint16_t device_count;
+	uint8_t data_bits;             /* 8, of ASCII also 7 */
 	uint8_t stop_bits;             /* 1, 2 */
 	uint8_t parity;                /* enum modbus_parity */
 	uint32_t baud;                 /* bit/s */
@@ -207,7 +208,7 @@ static inline bool modbus_is_broadcast(const struct map_config *config, uint32_t
 {
 	const struct modbus_slave *is = &modbus_slaves(config)[slave];
 
-	return is->unit == MODBUS_BROADCAST && modbus_ports(config)[is->port].framing == MODBUS_FRAMING_RTU;
+	return is->unit == MODBUS_BROADCAST && modbus_ports(config)[is->port].framing != MODBUS_FRAMING_TCP;
 }
 
 /* A bit, or two neighbours, of a register. */

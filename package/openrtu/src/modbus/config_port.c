@@ -15,6 +15,7 @@
 
 #define TCP_PORT_DEFAULT 502
 #define DATA_BITS_RTU    8
+#define DATA_BITS_ASCII  7      /* at least */
 #define BOARD_BAUD_MAX   460800 /* the last usual speed below its transceivers' 500 kbit/s */
 
 /* The report's /dev names of ports 1 to 6: the NUC980's UARTs behind the board's RS-485 terminals. */
@@ -46,13 +47,15 @@ enum {
 	PORT_DEVICE,
 	PORT_PROCESS,
 	PORT_RS485,
+	PORT_FRAMING,
 	PORT_KEYS,
 	PORT_HOST = PORT_KEYS, /* the keys of Modbus TCP, of a port that is not active */
 	PORT_TCP_PORT,
 	PORT_SETTLE,
-	PORT_FRAMING,
 	INACTIVE_PORT_KEYS
 };
+enum { LINE_RTU, LINE_ASCII };
+static const char *const line_framings[] = {[LINE_RTU] = "rtu", [LINE_ASCII] = "ascii", NULL};
 static const struct config_rule port_rules[PORT_KEYS] = {
     [PORT_VALUE] =
 	{"value", CONFIG_INTEGER, .required = true, .low = 1, .high = MODBUS_PORTS_MAX,
@@ -67,8 +70,9 @@ static const struct config_rule port_rules[PORT_KEYS] = {
 	     .unit = "bit/s")},
     [PORT_DATA_BITS] = {"data_bits", CONFIG_INTEGER, .required = true, .low = 4, .high = 8,
 			CONFIG_SAYS(
-			    "Data bits of a character. Modbus RTU sends whole bytes, so 4 to 7 are errors.",
-			    .json = CONFIG_JSON({"minimum" : 8}))},
+			    "Data bits of a character. Modbus RTU sends whole bytes, so only 8 will do; of "
+			    "ASCII, 7 or 8.",
+			    .json = CONFIG_JSON({"minimum" : 7}))},
     [PORT_STOP_BITS] = {"stop_bits", CONFIG_INTEGER, .required = true, .low = 1, .high = 2,
 			CONFIG_SAYS("Stop bits of a character.")},
     [PORT_PARITY] = {"parity", CONFIG_INTEGER, .required = true, .low = 0, .high = 2,
@@ -84,23 +88,40 @@ static const struct config_rule port_rules[PORT_KEYS] = {
 		    CONFIG_SAYS("The port's driver switches an RS-485 transceiver with its RTS pin. Without "
 				"it, the transceiver finds the direction itself, as those of the board do.",
 				.table = &rs485_table)},
+    [PORT_FRAMING] = {KEY_FRAMING, CONFIG_CHOICE, .choices = line_framings, .fallback = LINE_RTU,
+		      CONFIG_SAYS(
+			  "How frames stand on the line: rtu, as octets with a CRC, or ascii, as text.",
+			  .see = "configuration.md#ascii")},
 };
 CONFIG_SHARED_TABLE(
     modbus_port_table, .name = "port", .rules = port_rules, .count = PORT_KEYS,
     .json = CONFIG_JSON({
-	    "if" : {
-		    "anyOf" : [
-			    {
-				    "required" : ["value"],
-				    "properties" : {"value" : {"type" : "integer", "minimum" : 7}}
+	    "allOf" : [
+		    {
+			    "if" : {
+				    "anyOf" : [
+					    {
+						    "required" : ["value"],
+						    "properties" :
+							{"value" : {"type" : "integer", "minimum" : 7}}
+					    },
+					    {
+						    "required" : ["baud_rate"],
+						    "properties" : {
+							    "baud_rate" :
+								{"type" : "integer", "minimum" : 460801}
+						    }
+					    }
+				    ]
 			    },
-			    {
-				    "required" : ["baud_rate"],
-				    "properties" : {"baud_rate" : {"type" : "integer", "minimum" : 460801}}
-			    }
-		    ]
-	    },
-	    "then" : {"required" : ["device"]}
+			    "then" : {"required" : ["device"]}
+		    },
+		    {
+			    "if" :
+				{"required" : ["framing"], "properties" : {"framing" : {"const" : "ascii"}}},
+			    "else" : {"properties" : {"data_bits" : {"minimum" : 8}}}
+		    }
+	    ]
     }));
 /* Figure 4.8: the parameters of a port that is not active are zeros and mean nothing. */
 static const struct config_rule inactive_port_rules[INACTIVE_PORT_KEYS] = {
@@ -139,7 +160,8 @@ enum {
 	TCP_FRAMING,
 	TCP_KEYS
 };
-static const char *const framings[] = {[MODBUS_FRAMING_RTU] = "rtu", [MODBUS_FRAMING_TCP] = "tcp", NULL};
+static const char *const framings[] = {
+    [MODBUS_FRAMING_RTU] = "rtu", [MODBUS_FRAMING_TCP] = "tcp", [MODBUS_FRAMING_ASCII] = "ascii", NULL};
 static const struct config_rule tcp_rules[TCP_KEYS] = {
     [TCP_VALUE] =
 	{"value", CONFIG_INTEGER, .required = true, .low = COUNT(board_devices) + 1, .high = MODBUS_PORTS_MAX,
@@ -167,16 +189,18 @@ static const struct config_rule tcp_rules[TCP_KEYS] = {
 			.see = "limit.md#connections")},
     [TCP_FRAMING] =
 	{KEY_FRAMING, CONFIG_CHOICE, .choices = framings, .fallback = MODBUS_FRAMING_TCP,
-	 CONFIG_SAYS("How frames stand on the connection: tcp, with the header of Modbus TCP; rtu, as on a "
-		     "serial line, with a CRC: of a serial device server that passes on what it is sent. "
-		     "Then the slaves are those of a line, and id 0 is the broadcast.",
-		     .see = "configuration.md#rtu-over-tcp")},
+	 CONFIG_SAYS(
+	     "How frames stand on the connection: tcp, with the header of Modbus TCP; rtu or ascii, as "
+	     "on a serial line: of a serial device server that passes on what it is sent. "
+	     "Then the slaves are those of a line, and id 0 is the broadcast.",
+	     .see = "configuration.md#rtu-over-tcp")},
 };
-CONFIG_SHARED_TABLE(modbus_tcp_table, .name = "tcp_connection", .rules = tcp_rules, .count = TCP_KEYS,
-		    .json = CONFIG_JSON({
-			    "if" : {"required" : ["framing"], "properties" : {"framing" : {"const" : "rtu"}}},
-			    "then" : {"properties" : {"slaves" : {"items" : {"$ref" : "#/$defs/slave"}}}}
-		    }));
+CONFIG_SHARED_TABLE(
+    modbus_tcp_table, .name = "tcp_connection", .rules = tcp_rules, .count = TCP_KEYS,
+    .json = CONFIG_JSON({
+	    "if" : {"required" : ["framing"], "properties" : {"framing" : {"enum" : [ "rtu", "ascii" ]}}},
+	    "then" : {"properties" : {"slaves" : {"items" : {"$ref" : "#/$defs/slave"}}}}
+    }));
 
 static bool is_inactive(const json_t *port)
 {
@@ -202,13 +226,20 @@ static void claim_value(struct modbus_loader *loader, const struct config_place 
 }
 
 static void check_data_bits(struct modbus_loader *loader, const struct config_place *port,
-			    const struct config_value *value)
+			    const struct config_value *values)
 {
 	const struct config_place here = config_key_of(port, port_rules[PORT_DATA_BITS].name);
+	const struct config_value *value = &values[PORT_DATA_BITS];
+	const bool is_text = values[PORT_FRAMING].integer == LINE_ASCII;
 
-	if (value->given && value->integer != DATA_BITS_RTU)
+	if (!value->given || value->integer == DATA_BITS_RTU)
+		return;
+	if (!is_text)
 		config_error(loader->report, &here, "%lld, expected %d: Modbus RTU sends whole bytes",
 			     (long long)value->integer, DATA_BITS_RTU);
+	else if (value->integer < DATA_BITS_ASCII)
+		config_error(loader->report, &here, "%lld, expected %d or %d: Modbus ASCII sends text",
+			     (long long)value->integer, DATA_BITS_ASCII, DATA_BITS_RTU);
 }
 
 static void check_baud_rate(struct modbus_loader *loader, const struct config_place *port,
@@ -266,6 +297,8 @@ static void add_line(struct modbus_loader *loader, const struct config_place *po
 	    .port = (uint16_t)values[PORT_VALUE].integer,
 	    .process = (uint16_t)values[PORT_PROCESS].integer,
 	    .first_device = (uint16_t)config->set_count,
+	    .data_bits = (uint8_t)values[PORT_DATA_BITS].integer,
+	    .framing = values[PORT_FRAMING].integer == LINE_ASCII ? MODBUS_FRAMING_ASCII : MODBUS_FRAMING_RTU,
 	    .stop_bits = (uint8_t)values[PORT_STOP_BITS].integer,
 	    .parity = (uint8_t)values[PORT_PARITY].integer,
 	    .baud = (uint32_t)values[PORT_BAUD_RATE].integer,
@@ -309,7 +342,7 @@ static void read_active_port(struct modbus_loader *loader, const struct config_p
 
 	config_read_keys(loader->report, place, json, port_rules, PORT_KEYS, values);
 	claim_value(loader, place, &values[PORT_VALUE]);
-	check_data_bits(loader, place, &values[PORT_DATA_BITS]);
+	check_data_bits(loader, place, values);
 	check_baud_rate(loader, place, values);
 	device = port_device(loader, place, values);
 	claim_device(loader, place, device);

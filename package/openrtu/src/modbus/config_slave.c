@@ -466,7 +466,7 @@ static void read_slave(struct modbus_loader *loader, const struct config_place *
 	if (values[SLAVE_ID].given) {
 		check_unit(loader, place, values[SLAVE_ID].integer);
 		claim_unit(loader, place, values[SLAVE_ID].integer, slave_of);
-		if (values[SLAVE_ID].integer == MODBUS_BROADCAST && line->framing == MODBUS_FRAMING_RTU)
+		if (values[SLAVE_ID].integer == MODBUS_BROADCAST && line->framing != MODBUS_FRAMING_TCP)
 			check_broadcast(loader, place, values);
 	}
 	if (values[SLAVE_OVERRIDES].given && (template != NULL || !values[SLAVE_TEMPLATE].given))

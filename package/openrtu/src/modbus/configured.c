@@ -7,13 +7,16 @@
 
 unsigned modbus_bits_per_char(const struct modbus_port *line)
 {
-	return 1u + 8u + (line->parity != MODBUS_PARITY_NONE) + line->stop_bits;
+	return 1u + line->data_bits + (line->parity != MODBUS_PARITY_NONE) + line->stop_bits;
 }
 
 struct modbus_wire modbus_wire_of(const struct modbus_port *line)
 {
+	const unsigned bits = modbus_bits_per_char(line);
 	struct modbus_wire wire = modbus_is_tcp(line) ? modbus_wire_tcp((enum modbus_framing)line->framing)
-						      : modbus_wire(line->baud, modbus_bits_per_char(line));
+				  : line->framing == MODBUS_FRAMING_ASCII
+				      ? modbus_wire_ascii(line->baud, bits)
+				      : modbus_wire(line->baud, bits);
 
 	if (line->rs485 != MODBUS_RS485_NONE)
 		wire.before_ns = line->before_ms * NS_PER_MS;

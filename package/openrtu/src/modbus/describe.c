@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "modbus/ascii.h"
 #include "modbus/mbap.h"
 #include "modbus/plan.h"
 
@@ -160,9 +161,26 @@ static void say_answer(struct words *words, const uint8_t *body, size_t length)
 	}
 }
 
-/* Where unit, function and data are; NULL: nowhere. */
-static const uint8_t *find_body(enum modbus_framing framing, const uint8_t *octets, size_t *length)
+/* The text is one frame, from its beginning to its end. */
+static const uint8_t *find_body_in_text(struct modbus_ascii *ascii, const uint8_t *text, size_t *length)
 {
+	enum modbus_ascii_state state = MODBUS_ASCII_NOTHING;
+
+	for (size_t i = 0; i < *length; i++) {
+		state = modbus_ascii_take(ascii, text[i]);
+		if (state != MODBUS_ASCII_BEGUN && i + 1 < *length)
+			return NULL;
+	}
+	*length = ascii->length;
+	return state == MODBUS_ASCII_SOUND ? ascii->body : NULL;
+}
+
+/* Where unit, function and data are; NULL: nowhere. */
+static const uint8_t *find_body(enum modbus_framing framing, struct modbus_ascii *ascii,
+				const uint8_t *octets, size_t *length)
+{
+	if (framing == MODBUS_FRAMING_ASCII)
+		return find_body_in_text(ascii, octets, length);
 	if (framing == MODBUS_FRAMING_RTU) {
 		if (!modbus_crc_valid(octets, *length))
 			return NULL;
@@ -180,7 +198,8 @@ bool modbus_describe(enum modbus_framing framing, enum modbus_direction directio
 {
 	struct words words = {.out = out};
 	size_t whole = length;
-	const uint8_t *body = find_body(framing, octets, &whole);
+	struct modbus_ascii ascii = {.begun = false};
+	const uint8_t *body = find_body(framing, &ascii, octets, &whole);
 
 	out[0] = '\0';
 	if (body == NULL) {

@@ -41,8 +41,9 @@ enum modbus_function {
 
 /* How a body becomes a frame. */
 enum modbus_framing {
-	MODBUS_FRAMING_RTU, /* with a CRC behind it */
-	MODBUS_FRAMING_TCP, /* with the MBAP header before it */
+	MODBUS_FRAMING_RTU,   /* with a CRC behind it */
+	MODBUS_FRAMING_TCP,   /* with the MBAP header before it */
+	MODBUS_FRAMING_ASCII, /* as text (ascii.h) */
 };
 
 struct modbus_request {

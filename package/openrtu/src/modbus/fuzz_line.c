@@ -125,8 +125,26 @@ static size_t prefix_length(void)
 	return is_framed() ? MODBUS_MBAP_PREFIX : 0;
 }
 
+static bool is_text(void)
+{
+	return line.wire.framing == MODBUS_FRAMING_ASCII;
+}
+
+static enum modbus_ascii_state read_text(const struct modbus_output *output, struct modbus_ascii *ascii)
+{
+	enum modbus_ascii_state state = MODBUS_ASCII_NOTHING;
+
+	for (size_t i = 0; i < output->length; i++)
+		state = modbus_ascii_take(ascii, output->frame[i]);
+	return state;
+}
+
 static bool is_whole(const struct modbus_output *output)
 {
+	struct modbus_ascii ascii = {.begun = false};
+
+	if (is_text())
+		return read_text(output, &ascii) == MODBUS_ASCII_SOUND;
 	if (is_framed())
 		return modbus_mbap_length(output->frame, output->length) == output->length;
 	return modbus_crc_valid(output->frame, output->length);
@@ -137,6 +155,16 @@ static void take_output(const struct modbus_output *output)
 	if (output->length == 0)
 		return;
 	CHECK(output->length <= MODBUS_FRAME_MAX && is_whole(output));
+	if (is_text()) {
+		struct modbus_ascii ascii = {.begun = false};
+
+		read_text(output, &ascii);
+		memcpy(request, ascii.body, ascii.length);
+		request_length = ascii.length + MODBUS_CRC_LENGTH;
+		if (!modbus_is_read(request[1]))
+			CHECK(++written <= ordered + turned);
+		return;
+	}
 	request_length = output->length - prefix_length();
 	memcpy(request, output->frame + prefix_length(), request_length);
 	memcpy(transaction, output->frame, sizeof(transaction));
@@ -188,6 +216,9 @@ static void note_refusals(const uint8_t *octets, size_t length)
 	for (size_t i = 0; i < length; i++)
 		if (octets[i] == (request[1] | MODBUS_EXCEPTION_BIT))
 			refused = request[1];
+	/* As text it is two digits, of which the second may come with the next piece. */
+	if (is_text())
+		refused = request[1];
 }
 
 static void receive(const uint8_t *octets, size_t length)
@@ -198,6 +229,25 @@ static void receive(const uint8_t *octets, size_t length)
 		lose_port();
 	}
 	poll_line();
+}
+
+static void receive_text(const uint8_t *body, size_t length)
+{
+	static const char digits[] = "0123456789ABCDEF";
+	uint8_t text[2 * (256 + 1) + 3], sum = 0;
+	size_t at = 0;
+
+	text[at++] = ':';
+	for (size_t i = 0; i <= length; i++) {
+		const uint8_t octet = i < length ? body[i] : (uint8_t)(0u - sum);
+
+		sum = (uint8_t)(sum + octet);
+		text[at++] = (uint8_t)digits[octet >> 4];
+		text[at++] = (uint8_t)digits[octet & 15];
+	}
+	text[at++] = '\r';
+	text[at++] = '\n';
+	receive(text, at);
 }
 
 /* Lets the octets of a body arrive as a sound frame. */
@@ -211,6 +261,10 @@ static void seal_and_receive(uint8_t *frame, size_t length)
 		memmove(frame + sizeof(head), frame, length);
 		memcpy(frame, head, sizeof(head));
 		receive(frame, sizeof(head) + length);
+		return;
+	}
+	if (is_text()) {
+		receive_text(frame, length);
 		return;
 	}
 	frame[length] = (uint8_t)crc;
@@ -370,6 +424,8 @@ static struct modbus_wire wire_of(uint8_t octet)
 {
 	if (octet & 1)
 		return modbus_wire_tcp(MODBUS_FRAMING_TCP);
+	if (octet & 4)
+		return octet & 2 ? modbus_wire_tcp(MODBUS_FRAMING_ASCII) : modbus_wire_ascii(9600, 10);
 	return octet & 2 ? modbus_wire_tcp(MODBUS_FRAMING_RTU) : modbus_wire(19200, 11);
 }
 

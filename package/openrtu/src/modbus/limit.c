@@ -104,13 +104,17 @@ static void print_medium(const struct modbus_port *config, FILE *out)
 {
 	static const char parities[] = {
 	    [MODBUS_PARITY_NONE] = 'N', [MODBUS_PARITY_ODD] = 'O', [MODBUS_PARITY_EVEN] = 'E'};
+	static const char *const over_tcp[] = {[MODBUS_FRAMING_RTU] = "RTU over TCP, ",
+					       [MODBUS_FRAMING_TCP] = "",
+					       [MODBUS_FRAMING_ASCII] = "ASCII over TCP, "};
 
 	if (modbus_is_tcp(config))
 		fprintf(out, "port %u: %s port %u, %s", config->port, config->device, config->tcp_port,
-			config->framing == MODBUS_FRAMING_RTU ? "RTU over TCP, " : "");
+			over_tcp[config->framing]);
 	else
-		fprintf(out, "port %u: %u bit/s 8%c%u, ", config->port, (unsigned)config->baud,
-			parities[config->parity], config->stop_bits);
+		fprintf(out, "port %u: %u bit/s %u%c%u, %s", config->port, (unsigned)config->baud,
+			config->data_bits, parities[config->parity], config->stop_bits,
+			config->framing == MODBUS_FRAMING_ASCII ? "ASCII, " : "");
 }
 
 static void print_summary(const struct modbus_port *config, const struct modbus_line *line, FILE *out)
@@ -138,6 +142,9 @@ static void print_read(const struct modbus_line *line, const struct modbus_devic
 	/* Each of the two frames has MBAP's prefix, and no CRC. */
 	if (line->wire.framing == MODBUS_FRAMING_TCP)
 		octets += 2 * (MODBUS_MBAP_PREFIX - MODBUS_CRC_LENGTH);
+	/* Each: a colon, two digits an octet and the LRC, CR and LF. */
+	if (line->wire.framing == MODBUS_FRAMING_ASCII)
+		octets = 2 * (octets - 2 * MODBUS_CRC_LENGTH) + 2 * (1 + 2 + 2);
 	fprintf(out, "  %4u  %8u  %7u  %5u  %6zu  %7.2f", device->unit, read->function, read->address,
 		read->count, octets, (double)modbus_limit_read_ns(line, device, read, false) / NS_PER_MS);
 	if (read->period_ns > 0)

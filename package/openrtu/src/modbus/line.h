@@ -54,6 +54,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "ascii.h"
 #include "connection.h"
 #include "frame.h"
 #include "histogram.h"
@@ -262,6 +263,11 @@ struct modbus_line {
 	uint8_t received[2 * MODBUS_FRAME_MAX];
 	size_t received_count;
 	size_t strays; /* of these, the first that belong to no answer */
+
+	/* Of ASCII. frame and received have what an RTU line would have. */
+	struct modbus_ascii ascii;
+	int64_t ascii_began_ns; /* its first character */
+	uint8_t text[MODBUS_ASCII_REQUEST_MAX];
 
 	/* Of TCP. */
 	struct modbus_connection connection;

@@ -11,10 +11,12 @@ static inline int64_t begun_ns(const struct modbus_line *line)
 	return line->sent_ns - (int64_t)line->frame_length * line->wire.char_ns - line->wire.before_ns;
 }
 
-/* What RTU frames and those of Modbus TCP do each in their own way. */
+/* What RTU frames, those of Modbus TCP and of Modbus ASCII do each in their own way. */
 struct modbus_framer {
 	/* line->request as a frame, in line->frame. Returns its length. */
 	size_t (*build)(struct modbus_line *line);
+	/* What is sent instead of that frame, in text. Returns its length. NULL: the frame is sent. */
+	size_t (*encode)(const struct modbus_line *line, uint8_t text[MODBUS_ASCII_REQUEST_MAX]);
 	/* modbus_line_receive. */
 	bool (*receive)(struct modbus_line *line, const uint8_t *bytes, size_t length, int64_t now_ns);
 	/* The answer to the request under way may still come. */
@@ -137,6 +139,25 @@ void modbus_connection_unanswered(struct modbus_line *line);
 bool modbus_connection_ended(struct modbus_line *line, int64_t now_ns);
 /* True: it is, and has been given up. */
 bool modbus_connection_is_hung(struct modbus_line *line, int64_t now_ns);
+
+/* ---- octets.c ---------------------------------------------------------------------------- */
+
+/* Octets of RTU frames, the first of which came at began_ns. */
+void modbus_take_octets(struct modbus_line *line, const uint8_t *octets, size_t length, int64_t began_ns,
+			int64_t now_ns);
+/* Something comes that nobody has asked for: the next request waits until it has ceased. */
+void modbus_note_unrest(struct modbus_line *line, int64_t now_ns);
+/* Counts the strays, which are one burst, and removes them. */
+void modbus_remove_strays(struct modbus_line *line, int64_t now_ns);
+/* line->request as an RTU frame, in line->frame. Returns its length. */
+size_t modbus_build_rtu(struct modbus_line *line);
+/* That of the device under way may still come: nothing says which request an answer answers. */
+void modbus_remember_unanswered(struct modbus_line *line);
+extern const struct modbus_framer modbus_rtu_framer;
+
+/* ---- line_ascii.c ------------------------------------------------------------------------ */
+
+extern const struct modbus_framer modbus_ascii_framer;
 
 /* ---- stream.c ---------------------------------------------------------------------------- */
 

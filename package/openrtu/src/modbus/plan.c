@@ -23,6 +23,15 @@ struct modbus_wire modbus_wire(uint32_t baud, unsigned bits_per_char)
 	return wire;
 }
 
+struct modbus_wire modbus_wire_ascii(uint32_t baud, unsigned bits_per_char)
+{
+	struct modbus_wire wire = modbus_wire(baud, bits_per_char);
+
+	wire.char_ns *= 2;
+	wire.framing = MODBUS_FRAMING_ASCII;
+	return wire;
+}
+
 struct modbus_wire modbus_wire_tcp(enum modbus_framing framing)
 {
 	return (struct modbus_wire){.least_ns = TCP_LEAST_NS,

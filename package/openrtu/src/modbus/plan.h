@@ -81,6 +81,8 @@ struct modbus_wire modbus_wire_tcp(enum modbus_framing framing);
 
 /* Durations at that speed. bits_per_char: start, data, parity and stop bits, 10..12. */
 struct modbus_wire modbus_wire(uint32_t baud, unsigned bits_per_char);
+/* The same for ASCII, where an octet is two characters: char_ns is that of an octet. */
+struct modbus_wire modbus_wire_ascii(uint32_t baud, unsigned bits_per_char);
 
 /* What the device takes, or is assumed to. */
 int64_t modbus_reaction_ns(const struct modbus_limits *limits);

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "modbus/test_bus.h"
 
+#include <stdio.h>
 #include <string.h>
 
 #define TAG_OF_OBJECT 1000
@@ -114,13 +115,18 @@ static const struct modbus_events events = {.read = on_read,
 
 /* ---- the devices -------------------------------------------------------------------------------- */
 
+static bool is_text(void)
+{
+	return bus.line.wire.framing == MODBUS_FRAMING_ASCII;
+}
+
 void put_on_wire(int64_t time_ns, const uint8_t *bytes, size_t length)
 {
 	assert_true(bus.wire_count + length <= WIRE_MAX);
 	for (size_t i = 0; i < length; i++) {
 		size_t at = bus.wire_count++;
 
-		time_ns += bus.line.wire.char_ns + bus.spread_ns;
+		time_ns += bus.line.wire.char_ns / (is_text() ? 2 : 1) + bus.spread_ns;
 		for (; at > 0 && bus.wire[at - 1].time_ns > time_ns; at--)
 			bus.wire[at] = bus.wire[at - 1];
 		bus.wire[at] = (struct wire_byte){time_ns, bytes[i]};
@@ -269,6 +275,34 @@ static size_t unframed(const struct modbus_output *output, uint8_t frame[MODBUS_
 	return seal(frame, body);
 }
 
+/* Of an RTU frame, whose CRC may be wrong, a text whose LRC is then. */
+static size_t as_text(const uint8_t *frame, size_t length, uint8_t *text)
+{
+	const bool sound = modbus_crc_valid(frame, length);
+	uint8_t sum = sound ? 0 : 1;
+	size_t at = 0;
+
+	text[at++] = ':';
+	for (size_t i = 0; i + MODBUS_CRC_LENGTH < length; i++) {
+		at += (size_t)sprintf((char *)text + at, "%02X", frame[i]);
+		sum = (uint8_t)(sum + frame[i]);
+	}
+	return at + (size_t)sprintf((char *)text + at, "%02X\r\n", (uint8_t)-sum);
+}
+
+/* The opposite. */
+static size_t of_text(const struct modbus_output *output, uint8_t frame[MODBUS_FRAME_MAX])
+{
+	struct modbus_ascii ascii = {.begun = false};
+	enum modbus_ascii_state state = MODBUS_ASCII_NOTHING;
+
+	for (size_t i = 0; i < output->length; i++)
+		state = modbus_ascii_take(&ascii, output->frame[i]);
+	assert_int_equal(state, MODBUS_ASCII_SOUND);
+	memcpy(frame, ascii.body, ascii.length);
+	return seal(frame, ascii.length);
+}
+
 static int64_t extra_ns(const struct slave *slave, const struct modbus_request *request)
 {
 	if (!modbus_is_read(request->function))
@@ -344,7 +378,7 @@ static void connect_when_due(void)
 
 static void slave_takes(struct slave *slave, const struct modbus_request *request, const uint8_t *bytes)
 {
-	uint8_t frame[2 * MODBUS_FRAME_MAX];
+	uint8_t frame[2 * MODBUS_FRAME_MAX], text[4 * MODBUS_FRAME_MAX];
 	int64_t start = bus.busy_ns > slave->free_ns ? bus.busy_ns : slave->free_ns;
 
 	bool broadcast = request->unit == MODBUS_BROADCAST && !is_framed();
@@ -374,8 +408,11 @@ static void slave_takes(struct slave *slave, const struct modbus_request *reques
 		slave->late--;
 		start += slave->late_ns;
 	}
-	put_on_wire(start, frame, length);
 	slave->free_ns = start + (int64_t)length * bus.line.wire.char_ns;
+	if (is_text())
+		put_on_wire(start, text, as_text(frame, length, text) - (slave->endless ? 2 : 0));
+	else
+		put_on_wire(start, frame, length);
 	note_answer(slave->free_ns);
 }
 
@@ -415,11 +452,13 @@ static void take_output(const struct modbus_output *output)
 	assert_true(bus.now_ns >= bus.busy_ns + bus.line.wire.silence_ns);
 	if (bus.echoing)
 		put_on_wire(bus.now_ns, output->frame, output->length);
-	bus.busy_ns = bus.now_ns + (int64_t)output->length * bus.line.wire.char_ns;
+	bus.busy_ns = bus.now_ns + (int64_t)output->length * bus.line.wire.char_ns / (is_text() ? 2 : 1);
 	uint8_t frame[MODBUS_FRAME_MAX];
 	size_t length = output->length;
 	if (is_framed())
 		length = unframed(output, frame);
+	else if (is_text())
+		length = of_text(output, frame);
 	else
 		memcpy(frame, output->frame, length);
 	struct modbus_request request = parse(frame, length);
@@ -561,6 +600,11 @@ void set_up(void)
 void use_connection(enum modbus_framing framing)
 {
 	bus.line.wire = modbus_wire_tcp(framing);
+}
+
+void use_ascii(uint32_t baud)
+{
+	bus.line.wire = modbus_wire_ascii(baud, 10);
 }
 
 void use_tcp(void)

@@ -53,6 +53,7 @@ struct slave {
 	int64_t free_ns;        /* when it has dealt with all so far */
 	bool one_ear;           /* what is asked until then is lost, not done later */
 	int64_t pause_ns;       /* the same for so long behind that; what is lost begins it anew */
+	bool endless;           /* of its text, CR and LF are missing */
 	uint8_t exception;      /* its answer to everything, when not 0 */
 	uint32_t unknown;       /* functions that it does not know, a bit each */
 	bool dumb;              /* and does not answer */
@@ -139,6 +140,8 @@ void start(void);
 /* On TCP from then on, with frames of Modbus TCP or with such; to be called before the line starts. */
 void use_tcp(void);
 void use_connection(enum modbus_framing framing);
+/* A serial line of that speed with Modbus ASCII. */
+void use_ascii(uint32_t baud);
 /* One device with eight holding registers, scanned at least once. */
 void start_simple(uint8_t retries);
 

@@ -11,7 +11,7 @@
 static void test_characters_have_ten_to_twelve_bits(void **state)
 {
 	(void)state;
-	struct modbus_port line = {.stop_bits = 1, .parity = MODBUS_PARITY_NONE};
+	struct modbus_port line = {.data_bits = 8, .stop_bits = 1, .parity = MODBUS_PARITY_NONE};
 
 	assert_int_equal(modbus_bits_per_char(&line), 10);
 	line.stop_bits = 2;
@@ -25,8 +25,8 @@ static void test_a_line_has_its_own_devices_and_their_reads(void **state)
 {
 	(void)state;
 	struct modbus_port lines[] = {
-	    {.baud = 9600, .stop_bits = 1, .device_count = 1},
-	    {.baud = 19200, .stop_bits = 2, .first_device = 1, .device_count = 2},
+	    {.baud = 9600, .data_bits = 8, .stop_bits = 1, .device_count = 1},
+	    {.baud = 19200, .data_bits = 8, .stop_bits = 2, .first_device = 1, .device_count = 2},
 	};
 	struct modbus_slave slaves[] = {
 	    {.unit = 1},
@@ -88,7 +88,7 @@ static void test_a_line_has_its_own_devices_and_their_reads(void **state)
 
 static void assert_reads(struct modbus_point wire, uint16_t address, uint16_t count)
 {
-	struct modbus_port lines[] = {{.baud = 9600, .stop_bits = 1, .device_count = 1}};
+	struct modbus_port lines[] = {{.baud = 9600, .data_bits = 8, .stop_bits = 1, .device_count = 1}};
 	struct modbus_slave slaves[] = {{.unit = 1}};
 	struct map_set sets[] = {{.point_count = 1}};
 	struct map_point point = {.set = 0};

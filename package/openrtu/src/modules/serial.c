@@ -50,7 +50,7 @@ static struct termios2 wanted_settings(const struct serial_settings *line)
 	/* A character with a parity or framing error is read as 0, and the CRC finds it. */
 	struct termios2 settings = {
 	    .c_iflag = IGNBRK | INPCK,
-	    .c_cflag = CS8 | CREAD | CLOCAL | BOTHER,
+	    .c_cflag = (line->data_bits == 7 ? CS7 : CS8) | CREAD | CLOCAL | BOTHER,
 	    .c_ispeed = line->baud,
 	    .c_ospeed = line->baud,
 	};
@@ -76,13 +76,15 @@ static bool is_near(uint32_t baud, uint32_t wanted)
 static bool took(const struct termios2 *settings, const struct termios2 *wanted, bool carries_parity,
 		 char *error)
 {
-	tcflag_t checked = carries_parity ? CHECKED_FLAGS : CHECKED_FLAGS & ~(tcflag_t)(PARENB | PARODD);
+	tcflag_t checked =
+	    carries_parity ? CHECKED_FLAGS : CHECKED_FLAGS & ~(tcflag_t)(PARENB | PARODD | CSIZE);
 
 	if (!is_near(settings->c_ospeed, wanted->c_ospeed))
 		snprintf(error, SERIAL_ERROR_SIZE, "does not accept %u bit/s, it stays at %u",
 			 (unsigned)wanted->c_ospeed, (unsigned)settings->c_ospeed);
 	else if (((settings->c_cflag ^ wanted->c_cflag) & checked) != 0)
-		snprintf(error, SERIAL_ERROR_SIZE, "does not accept this parity or these stop bits");
+		snprintf(error, SERIAL_ERROR_SIZE,
+			 "does not accept these data bits, this parity or these stop bits");
 	else
 		return true;
 	return false;

@@ -20,9 +20,9 @@ enum serial_rs485_mode {
 	SERIAL_RS485_LOW,
 };
 
-/* A character has 8 data bits. */
 struct serial_settings {
 	uint32_t baud;               /* bit/s */
+	uint8_t data_bits;           /* 7; else 8, as of any pseudo-terminal */
 	uint8_t parity;              /* enum serial_parity */
 	uint8_t stop_bits;           /* 1, 2 */
 	uint8_t rs485;               /* enum serial_rs485_mode */
@@ -30,7 +30,7 @@ struct serial_settings {
 };
 
 /*
- * Opens the port for us alone, raw, non-blocking, 8 data bits, as the line has it, and checks what it took. *carries_parity is
+ * Opens the port for us alone, raw, non-blocking, as the line has it, and checks what it took. *carries_parity is
  * false for a pseudo-terminal, which has none to carry. Returns the descriptor, or -1 with a message in error
  * (SERIAL_ERROR_SIZE bytes), and whose the port is in hint, empty if that is not why.
  */

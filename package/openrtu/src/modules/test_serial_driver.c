@@ -169,9 +169,9 @@ static void test_a_format_that_was_not_taken_is_refused(void **state)
 	struct serial_settings line = {.baud = 9600, .stop_bits = 2, .parity = SERIAL_PARITY_ODD};
 
 	driver.without = PARODD;
-	assert_string_equal(opened(&line), "does not accept this parity or these stop bits");
+	assert_string_equal(opened(&line), "does not accept these data bits, this parity or these stop bits");
 	driver.without = CSTOPB;
-	assert_string_equal(opened(&line), "does not accept this parity or these stop bits");
+	assert_string_equal(opened(&line), "does not accept these data bits, this parity or these stop bits");
 	driver.without = 0;
 	assert_string_equal(opened(&line), "");
 }

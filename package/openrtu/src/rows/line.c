@@ -4,16 +4,20 @@
 #include "modbus/config.h"
 #include "modbus/stats.h"
 
-/* As engineers write it: 19200 8N2, TCP 502, RTU over TCP 4001 */
+/* As engineers write it: 19200 8N2, 9600 7E1 ASCII, TCP 502, RTU over TCP 4001 */
 static json_t *line_format(const struct modbus_port *line)
 {
 	static const char parities[] = {
 	    [MODBUS_PARITY_NONE] = 'N', [MODBUS_PARITY_ODD] = 'O', [MODBUS_PARITY_EVEN] = 'E'};
 
+	static const char *const tcp[] = {[MODBUS_FRAMING_RTU] = "RTU over TCP",
+					  [MODBUS_FRAMING_TCP] = "TCP",
+					  [MODBUS_FRAMING_ASCII] = "ASCII over TCP"};
+
 	if (modbus_is_tcp(line))
-		return json_sprintf("%s %u", line->framing == MODBUS_FRAMING_RTU ? "RTU over TCP" : "TCP",
-				    line->tcp_port);
-	return json_sprintf("%u 8%c%u", line->baud, parities[line->parity], line->stop_bits);
+		return json_sprintf("%s %u", tcp[line->framing], line->tcp_port);
+	return json_sprintf("%u %u%c%u%s", line->baud, line->data_bits, parities[line->parity],
+			    line->stop_bits, line->framing == MODBUS_FRAMING_ASCII ? " ASCII" : "");
 }
 
 static json_t *line_devices(const struct map *map, const struct modbus_port *line)

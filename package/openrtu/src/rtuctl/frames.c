@@ -181,12 +181,16 @@ static uint32_t source_of(const struct monitor *monitor, const struct frame *fra
 static void tell_frame(struct monitor *monitor, const struct frame *frame)
 {
 	const int64_t wall_ns = map_wall_ns(map_clock_read(monitor->map), frame->time_ns);
+	/* Wireshark's own. It has none for ASCII: that is text. */
+	static const char *const dissectors[] = {[MODBUS_FRAMING_RTU] = "mbrtu",
+						 [MODBUS_FRAMING_TCP] = "mbtcp",
+						 [MODBUS_FRAMING_ASCII] = "data-text-lines"};
 	char time[WORDS_SIZE], words[MODBUS_WORDS_SIZE];
 
 	if (monitor->request->pcapng != NULL) {
 		pcapng_frame(&monitor->pcapng, source_of(monitor, frame),
-			     framing_of(monitor, frame->line) == MODBUS_FRAMING_TCP ? "mbtcp" : "mbrtu",
-			     frame->direction == MODBUS_SENT, frame->octets, frame->length, wall_ns);
+			     dissectors[framing_of(monitor, frame->line)], frame->direction == MODBUS_SENT,
+			     frame->octets, frame->length, wall_ns);
 		return;
 	}
 	words_time_us(wall_ns, time);

@@ -127,11 +127,12 @@ static bool same_port(const struct map_config *a, const struct modbus_port *of_a
 		      const struct modbus_port *of_b)
 {
 	if (of_a->port != of_b->port || of_a->process != of_b->process ||
-	    of_a->device_count != of_b->device_count || of_a->stop_bits != of_b->stop_bits ||
-	    of_a->parity != of_b->parity || of_a->baud != of_b->baud || of_a->rs485 != of_b->rs485 ||
-	    of_a->before_ms != of_b->before_ms || of_a->after_ms != of_b->after_ms ||
-	    of_a->tcp_port != of_b->tcp_port || of_a->settle_ms != of_b->settle_ms ||
-	    of_a->framing != of_b->framing || strcmp(of_a->device, of_b->device) != 0)
+	    of_a->device_count != of_b->device_count || of_a->data_bits != of_b->data_bits ||
+	    of_a->stop_bits != of_b->stop_bits || of_a->parity != of_b->parity || of_a->baud != of_b->baud ||
+	    of_a->rs485 != of_b->rs485 || of_a->before_ms != of_b->before_ms ||
+	    of_a->after_ms != of_b->after_ms || of_a->tcp_port != of_b->tcp_port ||
+	    of_a->settle_ms != of_b->settle_ms || of_a->framing != of_b->framing ||
+	    strcmp(of_a->device, of_b->device) != 0)
 		return false;
 	for (uint32_t i = 0; i < of_a->device_count; i++)
 		if (!same_slave(a, of_a->first_device + i, b, of_b->first_device + i))

@@ -123,6 +123,7 @@ static struct serial_settings serial_settings_of(const struct modbus_port *line)
 		       "the numbers of the file are those of the port");
 	return (struct serial_settings){
 	    .baud = line->baud,
+	    .data_bits = line->data_bits,
 	    .parity = line->parity,
 	    .stop_bits = line->stop_bits,
 	    .rs485 = line->rs485,
