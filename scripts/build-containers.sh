@@ -5,6 +5,7 @@
 # Neither a container engine nor a registry is needed.
 set -euo pipefail
 shopt -s nullglob
+umask 022 # what is mounted is read by a user of the container's
 # shellcheck source=scripts/private-root.sh
 . "$(dirname "$0")/private-root.sh"
 

@@ -53,6 +53,7 @@ def image(name: str) -> Path:
             done = subprocess.run(
                 ["scripts/build-containers.sh", MADE, debs, name],
                 cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False,
+                umask=0o077,
             )  # fmt: skip
             assert done.returncode == 0, done.stdout
     return archive

@@ -75,8 +75,16 @@ def test_same_root_gives_the_same_archive(tmp_path: Path) -> None:
 
 
 def test_the_shows_simulator_is_the_same_from_each_folder(linesim_program: Path) -> None:
-    """What debuggers are told names the folder of a build unless it is kept from that; so does then the build ID."""
+    """What debuggers are told would name the folder of the build, and the build ID is made of that, too."""
     assert str(ROOT).encode() not in linesim_program.read_bytes()
+
+
+@NEEDS_ROOT
+def test_what_is_mounted_is_readable_whatever_its_makers_mask() -> None:
+    """The centre's container runs as a user who is nobody outside."""
+    containers.image("show")
+    mounted = [file for file in (containers.MADE / "show").iterdir() if file.is_file()]
+    assert mounted and all(file.stat().st_mode & 0o044 == 0o044 for file in mounted)
 
 
 @NEEDS_ROOT
