@@ -82,6 +82,12 @@ check_plant() {
 	[[ -z ${HOURS:-} || $HOURS =~ ^[0-9]{1,4}(\.[0-9]{1,4})?$ ]] || refuse "HOURS=$HOURS is not a number of hours, such as HOURS=0.5"
 }
 
+# The builds of Linux, BusyBox, U-Boot, QEMU and Buildroot read a path as words.
+check_folder() {
+	[[ $PWD != *[[:space:]]* ]] ||
+		refuse "make $1: Linux, U-Boot and QEMU cannot be built in a path with a space: move the tree from $PWD"
+}
+
 # What is made for the gateway board alone.
 check_gateway() {
 	[[ ${BOARD:-gateway} == gateway ]] ||
@@ -98,6 +104,9 @@ check_device_tree() {
 [[ -z ${SITE:-} ]] || check_site
 for goal; do
 	case $goal in
+	run | lab | twin | qemu | uboot | linux* | image-* | image | system | source | test | test-linux | test-netboot | test-twin | test-native | \
+		test-debug-kernel | test-offline | soak | bench | cost | busy) check_folder "$goal" ;;&
+	update | netboot) [[ -n ${IMAGE_TYPED:-} ]] || check_folder "$goal" ;;&
 	dtb | uboot | image-* | image | system | update | netboot) check_board ;;&
 	run | lab) check_gateway "$goal" ;;&
 	run | run-native | centre) check_tcp_port ;;&

@@ -398,6 +398,18 @@ def test_what_cannot_be_used_is_said_before_anything_is_built(
     assert not (bare_tree.folder / "build").exists()
 
 
+def test_a_path_with_a_space_is_refused_where_nothing_can_be_built_in_one(tmp_path: Path) -> None:
+    folder = tmp_path / "a b"
+    folder.mkdir()
+
+    def said(goal: str) -> str:
+        command = [ROOT / "scripts/check-arguments.sh", goal]
+        return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True).stdout
+
+    assert "cannot be built in a path with a space" in said("run")
+    assert said("run-native") + said("test-quick") == ""
+
+
 @pytest.mark.slow
 def test_patch_that_is_gone_is_built_without(tree: Tree) -> None:
     built = tree.folder / "built"
