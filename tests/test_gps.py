@@ -325,7 +325,7 @@ def test_receiver_behind_gpsd(programs: Path, directory: Path, gpsd: Path) -> No
         with Gateway(config(source), directory, programs) as gateway:
 
             def has_position() -> bool:
-                os.write(daemon.receiver, burst(now(), *DEPOT))
+                os.write(daemon.receivers[0], burst(now(), *DEPOT))
                 return bool(gateway.points("bus.latitude")["bus.latitude"]["quality"] == "good")
 
             gateway.wait_for(has_position, 60.0, "gpsd's position is the gateway's")
@@ -340,6 +340,37 @@ def test_receiver_behind_gpsd(programs: Path, directory: Path, gpsd: Path) -> No
                 "its position is old",
             )
             assert gateway.modules()["rtu-gps"]["restarts"] == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("wanted", [None, 1])
+def test_of_two_receivers_behind_gpsd_one_counts(
+    programs: Path, directory: Path, gpsd: Path, wanted: int | None
+) -> None:
+    """Otherwise its place would go to and fro between them, and be good."""
+    with gpsd_daemon(gpsd, receivers=2) as daemon:
+        source: dict[str, Any] = {"gpsd": "127.0.0.1", "gpsd_port": daemon.port}
+        if wanted is not None:
+            source["gpsd_device"] = daemon.devices[wanted]
+        places: dict[int, float] = {0: DEPOT[0], 1: DEPOT[0] + 0.0001}  # eleven metres apart
+        with Gateway(config(source), directory, programs) as gateway:
+
+            def latitude() -> float | None:
+                for number, place in places.items():
+                    os.write(daemon.receivers[number], burst(now(), place, DEPOT[1]))
+                point = gateway.points("bus.latitude")["bus.latitude"]
+                return float(point["value"]) if point["quality"] == "good" else None
+
+            gateway.wait_for(lambda: latitude() is not None, 60.0, "there is a position")
+            warning = "has several receivers"
+            if wanted is None:
+                gateway.wait_for(
+                    lambda: latitude() is not None and warning in gateway.log(50), 60.0, "it says so"
+                )
+            seen = {latitude() for _ in range(20)} - {None}
+            assert len(seen) == 1, seen
+            assert wanted is None or seen.pop() == pytest.approx(places[wanted], abs=2e-7)
+            assert (warning in gateway.log(50)) == (wanted is None)
 
 
 @pytest.mark.parametrize(

@@ -416,7 +416,7 @@ def test_what_gpsd_says_is_what_we_read_ourselves(daemon: Daemon, recordings: Pa
     while len({fix["day_ms"] for fix in fixes}) < 10:
         assert time.monotonic() < deadline, received[-1000:]
         for line in lines:
-            os.write(daemon.receiver, line)
+            os.write(daemon.receivers[0], line)
             try:
                 received += client.recv(65536)
             except TimeoutError:

@@ -35,9 +35,10 @@ enum gps_point {
 /* Where a receiver is, and what becomes of its fixes. */
 struct gps_settings {
 	char name[GPS_NAME_SIZE];
-	char device[MAP_FILE_SIZE];  /* of a serial port; empty: behind gpsd */
-	char gpsd[MAP_ADDRESS_SIZE]; /* its address */
-	char clock[GPS_SOCKET_SIZE]; /* chrony's socket, which is told its time; empty: none is */
+	char device[MAP_FILE_SIZE];      /* of a serial port; empty: behind gpsd */
+	char gpsd[MAP_ADDRESS_SIZE];     /* its address */
+	char gpsd_device[MAP_FILE_SIZE]; /* its name there; empty: the first with a fix */
+	char clock[GPS_SOCKET_SIZE];     /* chrony's socket, which is told its time; empty: none is */
 	uint16_t gpsd_port;
 	uint16_t set;  /* its place among the sets */
 	uint8_t whole; /* points before GPS_POINT_LATITUDE: 1 with the position as a whole, else 0 */

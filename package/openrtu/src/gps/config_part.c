@@ -58,6 +58,7 @@ enum {
 	GPS_DEVICE,
 	GPS_GPSD,
 	GPS_GPSD_PORT,
+	GPS_GPSD_DEVICE,
 	GPS_BAUD_RATE,
 	GPS_BURST_OCTETS,
 	GPS_PERIOD,
@@ -85,6 +86,9 @@ static const struct config_rule receiver_rules[GPS_KEYS] = {
 			      .json = CONFIG_JSON({"$ref" : "#/$defs/ip_address"}))},
     [GPS_GPSD_PORT] = {"gpsd_port", CONFIG_INTEGER, .low = 1, .high = 65535, .fallback = GPSD_PORT,
 		       CONFIG_SAYS("TCP port of gpsd.")},
+    [GPS_GPSD_DEVICE] = {"gpsd_device", CONFIG_TEXT, .low = 1, .high = MAP_FILE_SIZE - 1,
+			 CONFIG_SAYS("Which of gpsd's receivers, by the path that gpsd has for it; without "
+				     "it, the first that has a fix.")},
     [GPS_BAUD_RATE] = {"baud_rate", CONFIG_INTEGER, .low = 4800, .high = 115200, .fallback = 9600,
 		       CONFIG_SAYS("Bit/s of the serial port, with 8 data bits, no parity and one stop bit.",
 				   .unit = "bit/s")},
@@ -253,6 +257,9 @@ static void read_source(struct config_loader *loader, const struct config_place 
 	if (values[GPS_GPSD].given)
 		config_read_address(&loader->report, &gpsd, values[GPS_GPSD].text, receiver->gpsd);
 	receiver->gpsd_port = (uint16_t)values[GPS_GPSD_PORT].integer;
+	if (values[GPS_GPSD_DEVICE].given)
+		snprintf(receiver->gpsd_device, sizeof(receiver->gpsd_device), "%s",
+			 values[GPS_GPSD_DEVICE].text);
 	receiver->baud = (uint32_t)values[GPS_BAUD_RATE].integer;
 }
 

@@ -14,7 +14,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
 	struct gps_fix fix;
 
-	gpsd_reader_init(&reader, BUILT_DAYS);
+	gpsd_reader_init(&reader, "", BUILT_DAYS);
 	while (gpsd_reader_take(&reader, &data, &size, 1, &fix)) {
 		CHECK(fix.latitude >= -900000000 && fix.latitude <= 900000000);
 		CHECK(fix.longitude >= -1800000000 && fix.longitude <= 1800000000);

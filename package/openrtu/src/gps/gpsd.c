@@ -6,7 +6,6 @@
 #include "gps/json.h"
 #include "gps/number.h"
 #include "gps/sky.h"
-#include "map/time_ns.h"
 
 #define E7           10000000LL
 #define ALTITUDE_MAX 2147000 /* what 32 bits hold in mm */
@@ -21,6 +20,7 @@
 struct reading {
 	bool bad;
 	bool tpv, sky;
+	char device[GPSD_DEVICE_SIZE];
 	int64_t mode, status, used;
 	bool has_latitude, has_longitude;
 	bool has_used;
@@ -29,9 +29,10 @@ struct reading {
 	struct gps_satellite satellite;
 };
 
-void gpsd_reader_init(struct gpsd_reader *reader, int32_t built_days)
+void gpsd_reader_init(struct gpsd_reader *reader, const char *wanted, int32_t built_days)
 {
 	memset(reader, 0, offsetof(struct gpsd_reader, line));
+	reader->wanted = wanted;
 	reader->calendar.built_days = built_days;
 }
 
@@ -156,6 +157,19 @@ static void read_kind(struct reading *reading, const struct gps_json_item *item)
 	}
 }
 
+/* As the log can say it, too. */
+static void read_device(struct reading *reading, const struct gps_json_item *item)
+{
+	const size_t most = sizeof(reading->device) - 1, size = item->size < most ? item->size : most;
+
+	reading->bad |= item->kind != GPS_JSON_STRING;
+	if (reading->bad)
+		return;
+	for (size_t i = 0; i < size; i++)
+		reading->device[i] = item->text[i] >= ' ' && item->text[i] <= '~' ? item->text[i] : '?';
+	reading->device[size] = '\0';
+}
+
 static void read_report(struct reading *reading, const struct gps_json_item *item)
 {
 	if (gps_json_is(item, "mode")) {
@@ -225,6 +239,8 @@ static void on_item(void *context, const struct gps_json_item *item)
 			gps_sky_add(sky, &reading->satellite);
 	} else if (item->depth == 1) {
 		read_kind(reading, item);
+		if ((reading->tpv || reading->sky) && gps_json_is(item, "device"))
+			read_device(reading, item);
 		if (reading->tpv) {
 			read_report(reading, item);
 			read_place(reading, item);
@@ -259,14 +275,17 @@ static void finish_time(struct gps_calendar *calendar, int32_t date, struct gps_
 		fix->known &= ~(uint32_t)GPS_TIME;
 }
 
+static bool has_fix(const struct reading *reading)
+{
+	return reading->tpv && reading->mode >= 2 && reading->has_latitude && reading->has_longitude &&
+	       !gps_is_nowhere(reading->fix.latitude, reading->fix.longitude);
+}
+
 static void give_fix(struct gpsd_reader *reader, const struct reading *reading, int64_t now_ns,
 		     struct gps_fix *fix)
 {
-	bool has_fix = reading->mode >= 2 && reading->has_latitude && reading->has_longitude &&
-		       !gps_is_nowhere(reading->fix.latitude, reading->fix.longitude);
-
 	*fix = (struct gps_fix){.day_ms = reading->fix.day_ms};
-	if (has_fix) {
+	if (has_fix(reading)) {
 		*fix = reading->fix;
 		finish_time(&reader->calendar, reading->date, fix);
 		fix->known |= GPS_POSITION;
@@ -303,6 +322,33 @@ static void keep_sky(struct gpsd_reader *reader, const struct reading *reading)
 	reader->satellites = view->sky.count > 0 ? used : (uint8_t)reading->used;
 }
 
+/* What was known of the sky is another receiver's. */
+static void turn_to(struct gpsd_reader *reader, const char *device)
+{
+	strcpy(reader->device, device);
+	reader->heard = true;
+	reader->has_sky = false;
+	reader->satellites = 0;
+	reader->hdop = reader->pdop = reader->vdop = 0;
+	reader->sky = (struct gps_sky){0};
+}
+
+static bool is_wanted(struct gpsd_reader *reader, const struct reading *reading, int64_t now_ns)
+{
+	if (reader->wanted[0] != '\0')
+		return strcmp(reading->device, reader->wanted) == 0;
+	if (!reader->heard)
+		turn_to(reader, reading->device);
+	if (strcmp(reading->device, reader->device) != 0) {
+		if (!has_fix(reading) || (reader->fixed_ns != 0 && now_ns - reader->fixed_ns < GPSD_OTHER_NS))
+			return false;
+		turn_to(reader, reading->device);
+	}
+	if (has_fix(reading))
+		reader->fixed_ns = now_ns;
+	return true;
+}
+
 static bool take_line(struct gpsd_reader *reader, int64_t now_ns, struct gps_fix *fix)
 {
 	struct reading reading = {.fix = {.day_ms = -1}};
@@ -311,6 +357,10 @@ static bool take_line(struct gpsd_reader *reader, int64_t now_ns, struct gps_fix
 	    reading.bad) {
 		reader->counters[NMEA_DAMAGED]++;
 		return false;
+	}
+	if ((reading.tpv || reading.sky) && !is_wanted(reader, &reading, now_ns)) {
+		strcpy(reader->other, reading.device);
+		reading.tpv = reading.sky = false;
 	}
 	reader->counters[reading.tpv || reading.sky ? NMEA_TAKEN : NMEA_UNKNOWN]++;
 	if (reading.sky)

@@ -70,7 +70,7 @@ static void replay_gpsd(const uint8_t *bytes, size_t size, int32_t built_days)
 	struct gps_fix fix;
 	int64_t now_ns = 0;
 
-	gpsd_reader_init(&reader, built_days);
+	gpsd_reader_init(&reader, "", built_days);
 	while (gpsd_reader_take(&reader, &bytes, &size, now_ns++, &fix))
 		print_fix(&fix);
 	print_counters(reader.counters, &reader.calendar);

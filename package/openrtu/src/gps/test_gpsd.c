@@ -23,11 +23,13 @@
 
 static struct gpsd_reader reader;
 static struct gps_fix fix;
+static int64_t now_ns;
 
 static int setup(void **state)
 {
 	(void)state;
-	gpsd_reader_init(&reader, BUILT_DAYS);
+	now_ns = 7;
+	gpsd_reader_init(&reader, "", BUILT_DAYS);
 	return 0;
 }
 
@@ -36,7 +38,7 @@ static unsigned take_octets(const char *octets, size_t size)
 	const uint8_t *at = (const uint8_t *)octets;
 	unsigned fixes = 0;
 
-	while (gpsd_reader_take(&reader, &at, &size, 7, &fix))
+	while (gpsd_reader_take(&reader, &at, &size, now_ns, &fix))
 		fixes++;
 	return fixes;
 }
@@ -213,6 +215,53 @@ static void test_a_line_that_does_not_end(void **state)
 	assert_int_equal(take(TPV), 1);
 }
 
+/* As gpsd tells of two receivers in turn. */
+#define OF(device, mode, latitude)                                                                           \
+	"{\"class\":\"TPV\",\"device\":\"" device "\",\"mode\":" mode ",\"lat\":" latitude ",\"lon\":20.5}"  \
+	"\n"
+
+static void test_of_several_receivers_one_counts(void **state)
+{
+	(void)state;
+	assert_int_equal(take(OF("/dev/a", "1", "0")), 1);
+	assert_int_equal(take(OF("/dev/b", "3", "44.8")), 1); /* the first with a fix */
+	assert_int_equal(fix.latitude, 448000000);
+	assert_string_equal(reader.other, "");
+	for (unsigned i = 0; i < 20; i++) {
+		now_ns += NS_PER_S;
+		assert_int_equal(take(OF("/dev/a", "3", "45.2")), 0);
+		assert_int_equal(take(OF("/dev/b", "3", "44.8")), 1);
+		assert_int_equal(fix.latitude, 448000000);
+	}
+	assert_string_equal(reader.other, "/dev/a");
+	assert_int_equal(reader.counters[NMEA_UNKNOWN], 20);
+}
+
+static void test_another_receiver_takes_over_from_one_without_a_fix(void **state)
+{
+	(void)state;
+	take(SKY OF("", "3", "44.8"));
+	assert_int_equal(take(OF("", "1", "0")), 1);
+	assert_int_equal(take(OF("/dev/b", "3", "45.2")), 0);
+	now_ns += GPSD_OTHER_NS;
+	assert_int_equal(take(OF("/dev/b", "1", "0")), 0);
+	assert_int_equal(take(OF("/dev/b", "3", "45.2")), 1);
+	assert_int_equal(fix.latitude, 452000000);
+	assert_false(fix.known & (GPS_SATELLITES | GPS_HDOP));
+	assert_int_equal(take(OF("", "3", "44.8")), 0);
+}
+
+static void test_the_wanted_receiver_counts_alone(void **state)
+{
+	(void)state;
+	gpsd_reader_init(&reader, "/dev/b", BUILT_DAYS);
+	assert_int_equal(take(OF("/dev/a", "3", "45.2")), 0);
+	assert_int_equal(take(OF("/dev/b", "1", "0")), 1);
+	now_ns += 2 * GPSD_OTHER_NS;
+	assert_int_equal(take(TPV OF("/dev/a", "3", "45.2") OF("/dev/b", "3", "44.8")), 1);
+	assert_int_equal(fix.latitude, 448000000);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -225,6 +274,9 @@ int main(void)
 	    cmocka_unit_test_setup(test_what_is_no_json, setup),
 	    cmocka_unit_test_setup(test_values_that_cannot_be, setup),
 	    cmocka_unit_test_setup(test_a_line_that_does_not_end, setup),
+	    cmocka_unit_test_setup(test_of_several_receivers_one_counts, setup),
+	    cmocka_unit_test_setup(test_another_receiver_takes_over_from_one_without_a_fix, setup),
+	    cmocka_unit_test_setup(test_the_wanted_receiver_counts_alone, setup),
 	};
 	return cmocka_run_group_tests_name("gps gpsd", tests, NULL, NULL);
 }

@@ -39,7 +39,7 @@ void source_init(struct source *source, struct map *map, const struct gps_settin
 		snprintf(source->path, sizeof(source->path), "gpsd at %s port %u", settings->gpsd,
 			 settings->gpsd_port);
 	gps_receiver_init(&source->nmea, settings->silence_ns, built_days);
-	gpsd_reader_init(&source->gpsd, built_days);
+	gpsd_reader_init(&source->gpsd, settings->gpsd_device, built_days);
 }
 
 void source_close(struct source *source)
@@ -138,7 +138,7 @@ static void ask_gpsd(struct source *source, int64_t now_ns)
 {
 	const ssize_t size = (ssize_t)strlen(GPSD_WATCH);
 
-	gpsd_reader_init(&source->gpsd, source->gpsd.calendar.built_days);
+	gpsd_reader_init(&source->gpsd, source->settings->gpsd_device, source->gpsd.calendar.built_days);
 	if (write(source->fd, GPSD_WATCH, (size_t)size) == size)
 		note_open(source, now_ns);
 	else
@@ -187,6 +187,19 @@ static void show_counters(struct source *source)
 	atomic_store(&stats->dates_refused, calendar->refused);
 }
 
+/* Once: a place that is not the expected receiver's is not seen to be another's. */
+static void say_several(struct source *source)
+{
+	const struct gpsd_reader *gpsd = &source->gpsd;
+
+	if (source->several || gpsd->other[0] == '\0' || gpsd->wanted[0] != '\0')
+		return;
+	source->several = true;
+	map_log(source->map, MAP_LOG_WARNING,
+		"%s: %s has several receivers: %s counts, %s does not; \"gpsd_device\" says which",
+		source->settings->name, source->path, gpsd->device, gpsd->other);
+}
+
 static void read_source(struct source *source, int64_t now_ns, source_fix *take, void *context)
 {
 	for (int reads = 0; reads < READS_A_CYCLE && source->fd >= 0; reads++) {
@@ -201,6 +214,7 @@ static void read_source(struct source *source, int64_t now_ns, source_fix *take,
 			source->told = true;
 			take(context, &fix);
 		}
+		say_several(source);
 		note_use(source, now_ns);
 		if (length == 0 || (length < 0 && errno != EAGAIN && errno != EINTR))
 			lose(source, length == 0 ? "hung up" : strerror(errno), now_ns);

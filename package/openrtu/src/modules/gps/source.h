@@ -22,6 +22,7 @@ struct source {
 	int fd;          /* -1: closed */
 	bool connecting; /* to gpsd */
 	bool told;       /* a position, since it was opened */
+	bool several;    /* gpsd has told of several receivers */
 	int64_t due_ns;  /* when it is opened again, or the connection given up */
 	struct attempts attempts;
 	struct gps_receiver nmea;
