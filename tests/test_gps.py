@@ -349,7 +349,7 @@ def test_of_two_receivers_behind_gpsd_one_counts(
 ) -> None:
     """Otherwise its place would go to and fro between them, and be good."""
     with gpsd_daemon(gpsd, receivers=2) as daemon:
-        source: dict[str, Any] = {"gpsd": "127.0.0.1", "gpsd_port": daemon.port}
+        source: dict[str, Any] = {"gpsd": "127.0.0.1", "gpsd_port": daemon.port, "distance_m": 5}
         if wanted is not None:
             source["gpsd_device"] = daemon.devices[wanted]
         places: dict[int, float] = {0: DEPOT[0], 1: DEPOT[0] + 0.0001}  # eleven metres apart
@@ -367,7 +367,15 @@ def test_of_two_receivers_behind_gpsd_one_counts(
                 gateway.wait_for(
                     lambda: latitude() is not None and warning in gateway.log(50), 60.0, "it says so"
                 )
-            seen = {latitude() for _ in range(20)} - {None}
+            fixes = gateway.query("gps")[0]["fixes"]
+            gateway.wait_for(
+                lambda: latitude() is not None and gateway.query("gps")[0]["fixes"] >= fixes + 5,
+                60.0,
+                "it goes on",
+            )
+            rows = [json.loads(line) for line in gateway.ctl("--json", "events").splitlines()]
+            events = [row for row in rows if row.get("name") == "bus.latitude"]
+            seen = {row["value"] for row in events if row["quality"] == "good"}
             assert len(seen) == 1, seen
             assert wanted is None or seen.pop() == pytest.approx(places[wanted], abs=2e-7)
             assert (warning in gateway.log(50)) == (wanted is None)
