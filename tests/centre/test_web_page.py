@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, expect
+from playwright.sync_api import Browser, BrowserContext, Route, expect
 from playwright.sync_api import Page as Tab
 
 from browser import LIMIT_MS
@@ -115,6 +115,30 @@ def test_views_by_the_keyboard_alone(tab: Tab) -> None:
     tab.keyboard.press("t")
     assert tab.evaluate("document.documentElement.dataset.theme") == "dark"
     tab.keyboard.press("t")
+
+
+def test_a_late_answer_draws_no_older_list(tab: Tab) -> None:
+    """Of two questions at a time the later answer need not be the newer one: it asks one behind the other."""
+    tab.keyboard.press("1")
+    expect(tab.locator("tr", has_text="level")).to_have_count(1, timeout=LIMIT_MS)
+    asked: list[Route] = []
+
+    def hold_the_first(route: Route) -> None:
+        asked.append(route)
+        if len(asked) > 1:
+            route.continue_()
+
+    tab.route("**/api/points*", hold_the_first)
+    tab.wait_for_event("request", lambda request: "/api/points" in request.url)
+    tab.locator("#search").fill("level")
+    for _ in range(3):  # whatever the page asks at once has come by then
+        tab.evaluate("async () => (await fetch('/api/state')).status")
+    assert len(asked) == 1
+    asked[0].continue_()
+    expect(tab.locator("tbody tr")).to_have_count(1, timeout=LIMIT_MS)
+    tab.locator("#search").fill("")
+    tab.keyboard.press("Escape")  # other keys would be typed there
+    tab.unroute("**/api/points*")
 
 
 def test_a_dead_device_is_an_alarm(gateway: Page, tab: Tab) -> None:

@@ -358,16 +358,21 @@ const VIEWS = {
 
 // ---- the whole ---------------------------------------------------------------------------------
 
-let shown = null;
+let shown = null, refreshed = Promise.resolve();
 
+// One behind the other: of two questions at a time the later answer need not be the newer one.
 function again() {
   clearTimeout(timer);
-  refresh(++turn);
+  const own = ++turn;
+  refreshed = refreshed.then(() => refresh(own));
 }
 
 async function refresh(own) {
+  if (own !== turn) return;
   try {
-    me = await ask("/api/state");
+    const said = await ask("/api/state");
+    if (own !== turn) return;
+    me = said;
     await shown?.update();
     $("banner").hidden = true;
     head();
@@ -376,7 +381,7 @@ async function refresh(own) {
     $("banner").textContent = error.said ? error.message : "The gateway does not answer. What you see is old.";
     $("banner").hidden = false;
   }
-  if (own === turn && me) timer = setTimeout(() => refresh(own), document.hidden ? 10 * PERIOD_MS : PERIOD_MS);
+  if (own === turn && me) timer = setTimeout(again, document.hidden ? 10 * PERIOD_MS : PERIOD_MS);
 }
 
 function head() {
