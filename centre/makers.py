@@ -27,6 +27,7 @@ from openrtu_tools.centre.model import NS_PER_MS, Json
 AT_ONCE = 2  # files that are made
 WAITING_MOST = 32
 PIECE = 64 * 1024
+SHORT_S = 0.5  # so long a file is made before the process of the next one starts
 GROWS_S = 0.05  # between looks at a file that is being made
 ALONE_S = 60.0  # so long a file is still made that nobody reads
 KEPT_S = 3600.0  # so long a whole one can be taken again
@@ -211,6 +212,11 @@ class Makers:
         process.stdin.write(self._where)
         return Maker(process, file)
 
+    def _start_spare(self) -> None:
+        """To start takes longer than many a file does, and would take its processor."""
+        if not self._spares:
+            self._spares.append(asyncio.create_task(self._start()))
+
     async def _take(self) -> Maker:
         """One that is started already, if there is one."""
         starting = self._spares.pop() if self._spares else asyncio.create_task(self._start())
@@ -225,10 +231,12 @@ class Makers:
             async with self._turn:
                 maker = await self._take()
                 made.file = maker.file
-                self._spares.append(asyncio.create_task(self._start()))  # longer than many a file takes
+                next_one = asyncio.get_running_loop().call_later(SHORT_S, self._start_spare)
                 try:
                     await self._watch(made, maker.process, order)
                 finally:
+                    next_one.cancel()
+                    self._start_spare()
                     await _end(maker, keep=True)
         except StoreError as error:
             made.fault = str(error)
