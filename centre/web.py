@@ -6,12 +6,15 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
+import mimetypes
+import os
+import stat
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 from aiohttp import web
 from aiohttp.abc import AbstractStreamWriter
@@ -103,31 +106,54 @@ class Route:
 
 
 class File(web.FileResponse):
-    """A range of it, if If-Range has its very tag; else all of it. aiohttp looks at no tag, and takes a file
-    that is older than a date for the same one."""
+    """What is open is sent: its tag and its octets are of one file, whatever is put in its place meanwhile.
 
-    def __init__(self, path: Path, cache: str = "no-cache") -> None:
-        super().__init__(path, headers={"Cache-Control": cache})
-        self.path = path
+    A range of it, if If-Range has its very tag; else all of it. aiohttp looks at no tag, and takes a file
+    that is older than a date for the same one.
+    """
+
+    def __init__(self, file: IO[bytes], kind: str, cache: str) -> None:
+        """Of a file that is open, and is closed then."""
+        super().__init__(
+            f"/proc/self/fd/{file.fileno()}", headers={"Cache-Control": cache, "Content-Type": kind}
+        )
+        self.file = file
 
     async def prepare(self, request: web.BaseRequest) -> AbstractStreamWriter | None:
-        known = request.headers.get("If-Range")
-        if known is not None:
-            headers = request.headers.copy()
-            del headers["If-Range"]
-            if known != await asyncio.to_thread(_tag, self.path):
-                headers.popall("Range", None)
-            request = request.clone(headers=headers)
-        return await super().prepare(request)
+        with self.file:
+            known = request.headers.get("If-Range")
+            if known is not None:
+                headers = request.headers.copy()
+                del headers["If-Range"]
+                if known != self._tag():
+                    headers.popall("Range", None)
+                request = request.clone(headers=headers)
+            return await super().prepare(request)
+
+    def _tag(self) -> str:
+        """As aiohttp has it."""
+        found = os.fstat(self.file.fileno())
+        return f'"{found.st_mtime_ns:x}-{found.st_size:x}"'
 
 
-def _tag(path: Path) -> str:
-    """As aiohttp has it; what is no file any more has none."""
+def _open(path: Path) -> IO[bytes]:
+    """Raises OSError, too, if it is no file."""
+    number = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
-        found = path.stat()
+        if not stat.S_ISREG(os.fstat(number).st_mode):
+            raise IsADirectoryError(path)
+        return os.fdopen(number, "rb")
     except OSError:
-        return ""
-    return f'"{found.st_mtime_ns:x}-{found.st_size:x}"'
+        os.close(number)
+        raise
+
+
+async def opened(path: Path, cache: str = "no-cache") -> File:
+    kind = mimetypes.guess_type(path.name)[0] or "application/octet-stream"
+    try:
+        return File(await asyncio.to_thread(_open, path), kind, cache)
+    except OSError as error:
+        raise web.HTTPNotFound(reason="there is no such file") from error
 
 
 class Server:
@@ -337,9 +363,9 @@ class Server:
         If-Range: of another one all of it would come, and the page takes a piece only."""
         await self.session(request)
         path = self.centre.settings.tiles
-        if not path or not path.is_file():
+        if not path:
             raise web.HTTPNotFound(reason="there is no map of one's own")
-        return File(path, "no-store")
+        return await opened(path, "no-store")
 
     async def file(self, request: web.Request) -> web.StreamResponse:
         """What was built, and nothing else."""
@@ -347,12 +373,12 @@ class Server:
         check_text(name)
         try:
             path = (self.page / name).resolve()
-            found = path.is_relative_to(self.page.resolve()) and path.is_file()
+            found = path.is_relative_to(self.page.resolve())
         except (OSError, RuntimeError):  # no file can be called so
             found = False
         if not found:
             raise web.HTTPNotFound(reason="there is no such file")
-        return File(path)
+        return await opened(path)
 
 
 def provided(server: Server, settings: Oidc) -> Logins:

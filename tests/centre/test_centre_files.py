@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Files over HTTP: one that was cut off is taken on where it was; nothing is left of a killed centre."""
 
+import asyncio
 import contextlib
 import doctest
 import http.client
 import os
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import pytest
+from aiohttp import web
+from aiohttp.test_utils import TestClient, TestServer
 
 from control_room import Site, Stations, described, until
 from lab.centre_client import AnswerError, Client
@@ -19,6 +22,7 @@ from openrtu_tools.centre import api
 from openrtu_tools.centre.database import open_store
 from openrtu_tools.centre.settings import load
 from openrtu_tools.centre.store import Database, EventRow
+from openrtu_tools.centre.web import opened
 
 S = 10**9
 ROWS = 10_000  # a file of many pieces
@@ -145,6 +149,35 @@ def test_rest_of_a_map_is_of_no_other_one(site: Site) -> None:
             assert response.getheader("Content-Range") is None
         response, rest = asked(client, MAP, Range="bytes=10-19")
         assert (response.status, rest) == (206, after[10:20])
+
+
+@pytest.mark.parametrize("headers", [{}, {"Range": "bytes=3-8"}], ids=["whole", "range"])
+def test_file_that_is_exchanged_while_it_is_served_is_one_file(
+    tmp_path: Path, headers: dict[str, str]
+) -> None:
+    """Its tag says which."""
+    path, before, after = tmp_path / "map.json", b"the old one", b"another one, which is longer"
+
+    async def serve(_: web.Request) -> web.StreamResponse:
+        served = await opened(path)
+        replace(path, after, 2000 * S)
+        return served
+
+    async def ask() -> tuple[Mapping[str, str], bytes]:
+        application = web.Application()
+        application.router.add_get("/", serve)
+        async with TestClient(TestServer(application)) as client:
+            response = await client.get("/", headers=headers)
+            return response.headers, await response.read()
+
+    replace(path, before, 1000 * S)
+    tag = f'"{1000 * S:x}-{len(before):x}"'
+    told, octets = asyncio.run(ask())
+    assert (told["ETag"], told["Content-Type"]) == (tag, "application/json")
+    assert octets == (before[3:9] if headers else before)
+    replace(path, before, 1000 * S)
+    headers |= {"If-Range": tag}
+    assert asyncio.run(ask())[1] == octets
 
 
 def test_curl_goes_on_where_it_was(site: Site, tmp_path: Path) -> None:
