@@ -16,8 +16,8 @@ import signal
 import stat
 import sys
 import time
-from collections.abc import AsyncIterator, Callable
-from contextlib import suppress
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
@@ -248,6 +248,17 @@ def _read() -> Json | None:
     return json.loads(line) if line else None
 
 
+@contextmanager
+def stepping_back() -> Iterator[None]:
+    """What takes longer has a lower priority from then on. A timer that is left kills Python as it ends."""
+    signal.signal(signal.SIGPROF, _step_back)
+    signal.setitimer(signal.ITIMER_PROF, QUICK_S)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+
+
 def _step_back(*_: object) -> None:
     """Each thread has a niceness of its own."""
     for thread in Path("/proc/self/task").iterdir():
@@ -266,13 +277,12 @@ def main() -> int:
     order = _read()
     if not opens or not order:
         return 0  # nobody needed it
-    signal.signal(signal.SIGPROF, _step_back)
-    signal.setitimer(signal.ITIMER_PROF, QUICK_S)
     _leave_room()
     progress.tell = _tell
     try:
         # stdout itself has no buffer where the environment says so, and then writes a part and says nothing.
-        asyncio.run(_write(opens, order, os.fdopen(sys.stdout.fileno(), "wb", closefd=False)))
+        with stepping_back():
+            asyncio.run(_write(opens, order, os.fdopen(sys.stdout.fileno(), "wb", closefd=False)))
     except BrokenPipeError:
         os._exit(1)  # who asked has left; Python would try once more to write
     except CentreError as error:

@@ -195,8 +195,8 @@ def test_file_leaves_room_on_the_disk(database: Path | str, monkeypatch: pytest.
     assert "no room" in with_makers(database, work)
 
 
-LONG = """
-import asyncio, os, time
+MAKER = """
+import asyncio, os, signal, sys, time
 from openrtu_tools.centre import exports
 
 def nicenesses():
@@ -210,21 +210,34 @@ async def work(store, order):
         await asyncio.sleep(0)
     yield f"{nicenesses()}"
 
-exports.MAKERS["long"] = work
+async def nothing(store, order):
+    yield "none"
+
+exports.MAKERS["long"], exports.MAKERS["short"] = work, nothing
 exports.main()
+print(signal.getitimer(signal.ITIMER_PROF)[0], file=sys.stderr)
 """
+
+
+def maker(folder: Path, what: str) -> subprocess.CompletedProcess[str]:
+    where = {"database": str(folder / "centre.db"), "is_file": True}
+    said = "".join(json.dumps(each) + "\n" for each in (where, {"what": what}))
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    return subprocess.run(
+        [sys.executable, "-c", MAKER], input=said, capture_output=True, text=True, env=environment, check=True
+    )
 
 
 def test_file_that_takes_longer_steps_back_with_all_its_threads(tmp_path: Path) -> None:
     """A short one is made as fast as a page is answered, beside whatever is at work."""
-    where = {"database": str(tmp_path / "centre.db"), "is_file": True}
-    said = "".join(json.dumps(each) + "\n" for each in (where, {"what": "long"}))
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    done = subprocess.run(
-        [sys.executable, "-c", LONG], input=said, capture_output=True, text=True, env=environment, check=True
-    )
+    done = maker(tmp_path, "long")
     mine = os.getpriority(os.PRIO_PROCESS, 0)
     assert done.stdout == f"{{{mine}}}, {{{min(19, mine + NICENESS)}}}", done.stderr
+
+
+def test_no_timer_ends_a_file_that_is_whole(tmp_path: Path) -> None:
+    done = maker(tmp_path, "short")
+    assert (done.stdout, float(done.stderr)) == ("none", 0)
 
 
 def test_database_that_is_gone_is_named(tmp_path: Path) -> None:
