@@ -234,14 +234,14 @@ static void receive(const uint8_t *octets, size_t length)
 static void receive_text(const uint8_t *body, size_t length)
 {
 	static const char digits[] = "0123456789ABCDEF";
-	uint8_t text[2 * (256 + 1) + 3], sum = 0;
+	uint8_t text[2 * (256 + 1) + 3], lrc = 0;
 	size_t at = 0;
 
 	text[at++] = ':';
 	for (size_t i = 0; i <= length; i++) {
-		const uint8_t octet = i < length ? body[i] : (uint8_t)(0u - sum);
+		const uint8_t octet = i < length ? body[i] : (uint8_t)(0u - lrc);
 
-		sum = (uint8_t)(sum + octet);
+		lrc = (uint8_t)(lrc + octet);
 		text[at++] = (uint8_t)digits[octet >> 4];
 		text[at++] = (uint8_t)digits[octet & 15];
 	}
