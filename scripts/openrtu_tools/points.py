@@ -18,8 +18,8 @@ from pathlib import Path
 from nuc980.errors import UnusableInput
 from openrtu_tools import document
 from openrtu_tools.document import Json
+from openrtu_tools.modbus.made import TABLES
 
-TABLES = ("coils", "discrete_inputs", "input_registers", "holding_registers")
 TYPES = {
     "M_SP_NA_1": {"type": "single"},
     "M_DP_NA_1": {"type": "double"},
