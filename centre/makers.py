@@ -18,14 +18,16 @@ from asyncio.subprocess import PIPE, Process
 from collections.abc import AsyncIterator, Hashable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import IO, NamedTuple
+from weakref import WeakValueDictionary
 
 from openrtu_tools.centre.errors import RefusedError, StoreError
 from openrtu_tools.centre.model import NS_PER_MS, Json
 
-AT_ONCE = 2  # files that are made
-WAITING_MOST = 32
+AT_ONCE, OF_ONE = 2, 1  # files that are made; of one owner: a short one waits for no other's long ones
+WAITING_MOST, WAITING_OF_ONE = 32, 16
 PIECE = 64 * 1024
 SHORT_S = 0.5  # so long a file is made before the process of the next one starts
 GROWS_S = 0.05  # between looks at a file that is being made
@@ -112,6 +114,7 @@ class Makers:
         self.folder = database.parent if isinstance(database, Path) else None
         self.made: dict[str, Made] = {}
         self._turn = asyncio.Semaphore(AT_ONCE)
+        self._turns: WeakValueDictionary[Hashable, asyncio.Semaphore] = WeakValueDictionary()  # of owners
         self._making: dict[Made, asyncio.Task[None]] = {}
         self._spares: list[asyncio.Task[Maker]] = []
 
@@ -119,11 +122,13 @@ class Makers:
 
     def begin(self, order: Json, owner: Hashable, key: str, name: str) -> Made:
         """Raises RefusedError when too many wait."""
-        if len(self._making) >= AT_ONCE + WAITING_MOST:
+        own = sum(made.owner == owner for made in self._making)
+        if own >= OF_ONE + WAITING_OF_ONE or len(self._making) >= AT_ONCE + WAITING_MOST:
             raise RefusedError(429, "files", "too many files are being made: ask again in a minute")
         made = Made(owner, key, name)
         self.made[made.id] = made
         self._making[made] = asyncio.create_task(self._make(made, order))
+        self._making[made].add_done_callback(partial(self._is_over, made))
         self._leave_alone(made)
         self._let_go(owner)
         return made
@@ -138,13 +143,16 @@ class Makers:
 
     @contextmanager
     def reading(self, made: Made) -> Iterator[None]:
-        """Meanwhile it is not ended. Whoever leaves has some time to come back."""
+        """Meanwhile it is not ended. Whoever leaves has some time to come back, if it has begun."""
         made.readers += 1
         try:
             yield
         finally:
             made.readers -= 1
-            self._leave_alone(made)
+            if made.state == "waits" and not made.readers:
+                self.end(made)
+            else:
+                self._leave_alone(made)
 
     def end(self, made: Made) -> None:
         """It is not wanted any more."""
@@ -227,8 +235,9 @@ class Makers:
             raise
 
     async def _make(self, made: Made, order: Json) -> None:
+        own = self._turns.setdefault(made.owner, asyncio.Semaphore(OF_ONE))
         try:
-            async with self._turn:
+            async with own, self._turn:
                 maker = await self._take()
                 made.file = maker.file
                 next_one = asyncio.get_running_loop().call_later(SHORT_S, self._start_spare)
@@ -240,13 +249,16 @@ class Makers:
                     await _end(maker, keep=True)
         except StoreError as error:
             made.fault = str(error)
-        except asyncio.CancelledError:
+
+    def _is_over(self, made: Made, making: asyncio.Task[None]) -> None:
+        """Whatever became of it: it may have ended before its first step."""
+        if making.cancelled():
             made.fault = ENDED
-            raise
-        finally:
-            del self._making[made]
-            made.over.set()
-            self._leave_alone(made)
+        elif error := making.exception():
+            made.fault = repr(error)
+        del self._making[made]
+        made.over.set()
+        self._leave_alone(made)
 
     async def _watch(self, made: Made, process: Process, order: Json) -> None:
         """Raises StoreError when it could not be made to its end."""

@@ -17,11 +17,12 @@ from typing import Any
 
 import pytest
 
+from control_room import HANG_S
 from openrtu_tools.centre import makers
 from openrtu_tools.centre.database import open_store
 from openrtu_tools.centre.errors import RefusedError, StoreError
 from openrtu_tools.centre.exports import NICENESS, POINTS_MOST
-from openrtu_tools.centre.makers import Makers
+from openrtu_tools.centre.makers import Made, Makers
 from openrtu_tools.centre.store import EventRow
 from postgres import Server
 
@@ -47,8 +48,8 @@ def events(names: dict[int, tuple[str, str]]) -> dict[str, Any]:
     return {"what": "events", "names": names, "cause": "", "begin": 0, "end": DAY}
 
 
-async def made(files: Makers, order: dict[str, Any]) -> list[dict[str, str]]:
-    new = files.begin(order, "vera", "events", "events.csv")
+async def made(files: Makers, order: dict[str, Any], owner: str = "vera") -> list[dict[str, str]]:
+    new = files.begin(order, owner, "events", "events.csv")
     with files.reading(new):
         text = b"".join([piece async for piece in new.read(0)]).decode()
     assert new.state == "whole" and new.size == len(text.encode()) and new.part == 1
@@ -92,6 +93,48 @@ def test_files_wait_for_their_turn_and_too_many_are_refused(
     refused = [each for each in answers if isinstance(each, RefusedError)]
     assert [each.status for each in refused] == [429, 429]
     assert [len(each) for each in answers if isinstance(each, list)] == [ROWS // 2] * (makers.AT_ONCE + 4)
+
+
+@pytest.fixture
+def endless(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Vera's files are never whole."""
+    watch = Makers._watch
+
+    async def never(self: Makers, made: Made, *words: Any) -> None:
+        if made.owner == "vera":
+            await made.over.wait()
+        await watch(self, made, *words)
+
+    monkeypatch.setattr(Makers, "_watch", never)
+
+
+@pytest.mark.usefixtures("endless")
+def test_files_of_one_keep_nobody_else_waiting(tmp_path: Path) -> None:
+    """However many, and however long they take. Who leaves before anything is made has asked for nothing."""
+    database = tmp_path / "centre.db"
+    with contextlib.closing(open_store(database, alone=True)):
+        pass
+    order = events({1: ("north", "pump")})
+
+    async def work(files: Makers) -> None:
+        most = makers.OF_ONE + makers.WAITING_OF_ONE
+        many = [files.begin(order, "vera", f"{n}", "events.csv") for n in range(most)]
+        with pytest.raises(RefusedError):
+            files.begin(order, "vera", "more", "events.csv")
+        async with asyncio.timeout(HANG_S):
+            assert await made(files, order, "olga") == []
+        assert [each.state for each in many] == ["made"] * makers.OF_ONE + ["waits"] * makers.WAITING_OF_ONE
+        with files.reading(many[-1]):
+            pass
+        assert many[-1].gone and many[-1] not in files.of("vera")
+        await many[-1].over.wait()
+        for _ in range(most):  # at once, too
+            hasty = files.begin(order, "vera", "more", "events.csv")
+            with files.reading(hasty):
+                pass
+            await hasty.over.wait()
+
+    with_makers(database, work)
 
 
 def test_file_whose_process_was_killed_is_no_file(database: Path | str) -> None:
