@@ -30,8 +30,13 @@
 
 enum { LAMP, BREAKER, LEVEL, CURRENT, LONGITUDE, WEIGHT, POINTS };
 
-static struct modbus_port lines[] = {
-    {.port = 3, .process = 1, .device_count = 1, .stop_bits = 2, .baud = 19200, .device = "ttyS3"}};
+static struct modbus_port lines[] = {{.port = 3,
+				      .process = 1,
+				      .device_count = 1,
+				      .data_bits = 8,
+				      .stop_bits = 2,
+				      .baud = 19200,
+				      .device = "ttyS3"}};
 static struct modbus_slave slaves[] = {{.unit = 67, .response_timeout_ms = 500}};
 static struct modbus_point wire[POINTS];
 static struct modbus_settings modbus_keys = {.heartbeat_limit_ms =
