@@ -36,6 +36,9 @@ TESTFR_ACT = bytes.fromhex("680443000000")
 TESTFR_CON = bytes.fromhex("680483000000")
 
 
+given_ports: set[int] = set()  # by free_port, in this process
+
+
 class GatewayError(LabError):
     """The gateway did not do what was waited for; the text holds the end of its log."""
 
@@ -48,15 +51,18 @@ def default_build() -> Path:
 def free_port() -> int:
     """A TCP port of 127.0.0.1 that nobody listens on now.
 
-    None that the kernel gives to connections, if it leaves others: one of them might take it before it is
-    listened on.
+    None that was given before, for one that is not listened on yet. None that the kernel gives to connections,
+    if it leaves others: one of them might take it before it is listened on.
     """
     given = int(Path("/proc/sys/net/ipv4/ip_local_port_range").read_text().split()[0])
     while True:
         wanted = random.SystemRandom().randrange(PORTS_FROM, given) if given > 2 * PORTS_FROM else 0
         with socket.socket() as probe, contextlib.suppress(OSError):
             probe.bind(("127.0.0.1", wanted))
-            return int(probe.getsockname()[1])
+            port = int(probe.getsockname()[1])
+            if port not in given_ports:
+                given_ports.add(port)
+                return port
 
 
 def listening_on(config: dict[str, Any], port: int) -> dict[str, Any]:
