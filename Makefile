@@ -60,6 +60,6 @@ distclean: clean ## Maintain: remove the Python environment as well
 
 # Before anything is built. Last, where all that has a default has it.
 TYPED := $(foreach name,PORT STATIONS BOARD_IP IMAGE IMAGES SITE BOARD DTS SWITCHES KEY CERTIFICATE FUZZ_SECONDS LIB60870 NVD SEED SEEDS HOURS,$(name)='$(subst ','\'',$($(name)))') \
-  IMAGE_TYPED=$(IMAGE_TYPED)
+  IMAGE_TYPED=$(IMAGE_TYPED) DRY_RUN=$(findstring n,$(filter-out --%,$(firstword -$(MAKEFLAGS))))
 REFUSED := $(shell $(TYPED) scripts/check-arguments.sh $(MAKECMDGOALS))
 $(if $(REFUSED),$(error $(REFUSED)))

@@ -104,9 +104,6 @@ check_device_tree() {
 [[ -z ${SITE:-} ]] || check_site
 for goal; do
 	case $goal in
-	run | lab | twin | qemu | uboot | linux* | image-* | image | system | source | test | test-linux | test-netboot | test-twin | test-native | \
-		test-debug-kernel | test-offline | soak | bench | cost | busy) check_folder "$goal" ;;&
-	update | netboot) [[ -n ${IMAGE_TYPED:-} ]] || check_folder "$goal" ;;&
 	dtb | uboot | image-* | image | system | update | netboot) check_board ;;&
 	run | lab) check_gateway "$goal" ;;&
 	run | run-native | centre) check_tcp_port ;;&
@@ -128,5 +125,13 @@ for goal; do
 	fuzz) [[ $FUZZ_SECONDS =~ ^[1-9][0-9]{0,5}$ ]] || refuse "FUZZ_SECONDS=$FUZZ_SECONDS is not a number of seconds" ;;
 	plant) check_plant ;;
 	bench) [[ -z ${LIB60870:-} || -d $LIB60870 ]] || refuse "LIB60870=$LIB60870 is not a folder; name the one with lib60870's source" ;;
+	esac
+done
+[[ -z ${DRY_RUN:-} ]] || exit 0
+for goal; do
+	case $goal in
+	run | lab | twin | qemu | uboot | linux* | image-* | image | system | source | test | test-linux | test-netboot | test-twin | test-native | \
+		test-debug-kernel | test-offline | soak | bench | cost | busy) check_folder "$goal" ;;
+	update | netboot) [[ -n ${IMAGE_TYPED:-} ]] || check_folder "$goal" ;;
 	esac
 done

@@ -84,7 +84,8 @@ def cut_power(gateway: Gateway) -> None:
     pids = [module["pid"] for module in gateway.modules().values() if module["pid"]]
     assert gateway.process is not None and gateway.process.pid in pids
     for pid in pids:
-        os.kill(pid, signal.SIGKILL)
+        with contextlib.suppress(ProcessLookupError):  # it died with rtud, and was reaped
+            os.kill(pid, signal.SIGKILL)
     gateway.process.wait(SOON_S)
     shutil.rmtree(gateway.map)
 
