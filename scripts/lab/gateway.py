@@ -51,7 +51,7 @@ def default_build() -> Path:
 def free_port() -> int:
     """A TCP port of 127.0.0.1 that nobody listens on now.
 
-    None that was given before, for one that is not listened on yet. None that the kernel gives to connections,
+    None that was given before: it may not be listened on yet. None that the kernel gives to connections,
     if it leaves others: one of them might take it before it is listened on.
     """
     given = int(Path("/proc/sys/net/ipv4/ip_local_port_range").read_text().split()[0])
