@@ -251,6 +251,9 @@ def test_what_was_before_an_interrogation_is_an_event_and_no_state(gateway: Run,
         state = master.wait(lambda r: r.ioa == 106, since=mark, what="the state again")
         assert state.value == -7
     assert counters(one)["town.past"] == 1
+    rows = [json.loads(line) for line in one.ctl("--json", "events").splitlines()]
+    assert [row["value"] for row in rows if row.get("past")] == [50]
+    assert " past\n" in one.ctl("events")
     assert one.log().count("tells events of before its last interrogation") == 1
 
 

@@ -26,6 +26,8 @@ static json_t *change_row(const struct map *map, const struct map_event *event)
 		json_object_set_new(row, "transient", json_boolean(event->sample.detail & 1));
 	json_object_set_new(row, "quality", json_string(quality));
 	json_object_set_new(row, "cause", json_string(words_cause(event->cause)));
+	if (event->past)
+		json_object_set_new(row, "past", json_true());
 	return row;
 }
 

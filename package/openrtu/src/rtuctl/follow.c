@@ -42,6 +42,8 @@ static void print_change(const json_t *row)
 	       json_is_true(json_object_get(row, "transient")) ? ",transient" : "");
 	if (strcmp(text_of(row, "cause"), words_cause(MAP_SPONTANEOUS)) != 0)
 		printf("  %s", text_of(row, "cause"));
+	if (json_is_true(json_object_get(row, "past")))
+		fputs("  past", stdout);
 	putchar('\n');
 	free(number);
 }
