@@ -16,6 +16,7 @@ from typing import Any
 import c104
 import pytest
 
+from lab import modules
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.master import Master
 from lab.raw_master import RawMaster
@@ -255,6 +256,33 @@ def test_what_was_before_an_interrogation_is_an_event_and_no_state(gateway: Run,
     assert [row["value"] for row in rows if row.get("past")] == [50]
     assert " past\n" in one.ctl("events")
     assert one.log().count("tells events of before its last interrogation") == 1
+
+
+LISTENS = """
+from openrtu import Module
+
+with Module() as module:
+    module.log("it listens")
+    for _ in module.scans():
+        for event in module.events():
+            module.log(f"{event.name} {event.sample.value:g} {'past' if event.past else 'present'}")
+"""
+
+
+def test_module_of_others_is_told_what_is_past(programs: Path, town: Outstation) -> None:
+    directory = run_directory()
+    modules.place(directory, programs)
+    (directory / "script.py").write_text(LISTENS)
+    listener = {"name": "listens", "program": modules.program(directory, "listens", directory / "script.py")}
+    listener |= {"period_ms": 20, "reads": ["level"]}
+    try:
+        with Gateway(config(outstation(town.port)) | {"modules": [listener]}, directory, programs) as one:
+            wait_value(one, "level", -7)
+            one.wait_for(lambda: "it listens" in one.log(), 30.0, "it listens")
+            town.say(35, THERE, (6, scaled(50) + before(60)))
+            one.wait_for(lambda: "level 50 past" in one.log(), 30.0, "the old event is told so")
+    finally:
+        remove(directory)
 
 
 @pytest.mark.slow

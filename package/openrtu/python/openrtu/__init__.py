@@ -101,6 +101,7 @@ class Event:
 
     name: str
     sample: Sample
+    past: bool = False  # the point is newer already, as when a station below had kept the event
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,7 +244,7 @@ class Module:
         raw = _library.RawEvent()
         while self._library.openrtu_event_next(self._handle, ctypes.byref(raw)):
             point = self._by_number[raw.point]
-            yield Event(point.name, _sample(point.type, raw.sample))
+            yield Event(point.name, _sample(point.type, raw.sample), bool(raw.past))
 
     @property
     def events_lost(self) -> int:

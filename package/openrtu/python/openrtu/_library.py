@@ -25,7 +25,7 @@ class RawSample(ctypes.Structure):
 class RawEvent(ctypes.Structure):
     """struct openrtu_event."""
 
-    _fields_ = (("point", ctypes.c_int32), ("reserved", ctypes.c_uint32), ("sample", RawSample))
+    _fields_ = (("point", ctypes.c_int32), ("past", ctypes.c_uint32), ("sample", RawSample))
 
 
 class RawRequest(ctypes.Structure):

@@ -91,6 +91,7 @@ bool openrtu_event_next(struct openrtu *rtu, struct openrtu_event *out)
 		if (point < 0)
 			continue;
 		*out = event_of(rtu, point, &event.sample);
+		out->past = event.past;
 		return true;
 	}
 	count_losses(rtu);

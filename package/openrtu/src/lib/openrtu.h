@@ -114,13 +114,13 @@ int openrtu_write_at(struct openrtu *rtu, int point, double value, uint32_t qual
 /* A change of a point that the module reads: what a controlling station is told of it. */
 struct openrtu_event {
 	int32_t point;
-	uint32_t reserved;
+	uint32_t past; /* 1: the point is newer already, as when a station below had kept the event */
 	struct openrtu_sample sample;
 };
 
 /*
  * The next event: those of one point in order, and what waits by its time; each comes once, from the start of the program on. It may be newer than the
- * inputs that the scan has frozen, or older than what its point is: a state does not go back in time. When a module ends, each of its points has one that is invalid. False: there is none.
+ * inputs that the scan has frozen, or past: a state does not go back in time. When a module ends, each of its points has one that is invalid. False: there is none.
  */
 bool openrtu_event_next(struct openrtu *rtu, struct openrtu_event *out);
 /* How many events of the gateway were overwritten before this module has read on. rtuctl modules shows them. */
