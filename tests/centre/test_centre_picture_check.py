@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A process picture is read: what is bound, what is wrong and where, what is refused."""
 
+import doctest
 import json
 import re
 import subprocess
@@ -10,10 +11,11 @@ from xml.etree import ElementTree
 
 import pytest
 
-from hostile_pictures import HOSTILE, ODD, PLAIN
+from hostile_pictures import HOSTILE, ODD, PLAIN, SVG
 from lab.centre_show import PICTURES, PLANTS
 from lab.process import named
 from lab.show import configuration
+from openrtu_tools.centre import drawing
 from openrtu_tools.centre.bindings import ATTRIBUTES, COLOURS, FIELDS, QUALITIES, BindingError, read_binding
 from openrtu_tools.centre.drawing import DEPTH_MOST, ELEMENTS_MOST, OCTETS_MOST, Drawing, read_drawing
 from openrtu_tools.cli import main
@@ -124,6 +126,30 @@ def test_an_attack_is_refused_and_nothing_of_it_is_served(name: str) -> None:
 )
 def test_what_is_too_large_or_no_picture_is_refused(picture: str) -> None:
     assert read_drawing(picture.encode("latin-1")).is_refused
+
+
+LONG = 200_000
+
+
+@pytest.mark.parametrize(
+    "picture",
+    [
+        f"{PLAIN}<style>{'a' * LONG}</style></svg>",
+        f"{PLAIN}<style>{'/*' * LONG}</style></svg>",
+        f"{PLAIN}<style>{'a ' * LONG}!{{fill:red}}</style></svg>",
+        f'{PLAIN}<rect fill="{"a-" * LONG}"/></svg>',
+        f'<svg {SVG} width="1{" " * LONG}x" height="1"/>',
+    ],
+    ids=["no rule", "comments", "selector", "function", "length"],
+)
+def test_a_long_text_takes_no_longer_than_it_is(picture: str) -> None:
+    """The square of its length took minutes."""
+    read = read_drawing(picture.encode())
+    assert read.is_refused == ("fill" not in picture or "!" in picture)
+
+
+def test_doctests() -> None:
+    assert doctest.testmod(drawing).failed == 0
 
 
 # ---- what is wrong -------------------------------------------------------------------------------
