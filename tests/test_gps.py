@@ -273,6 +273,14 @@ def test_killed_module_has_no_position(drive: Drive) -> None:
     assert drive.point("latitude")["quality"] == "good"
 
 
+def test_no_line_is_open_in_a_process_that_was_stopped(drive: Drive) -> None:
+    assert drive.row()["open"]
+    drive.gateway.ctl("module", "rtu-gps", "stop")
+    assert not drive.row()["open"]
+    drive.gateway.ctl("module", "rtu-gps", "start")
+    drive.gateway.wait_for(lambda: drive.row()["open"], 30.0, "the line is open again")
+
+
 def test_position_that_a_reload_took_over_gets_old(drive: Drive) -> None:
     drive.say(DEPOT)
     pid = drive.gateway.modules()["rtu-gps"]["pid"]

@@ -137,3 +137,32 @@ def test_death_of_the_device_is_told_of_what_is_read(running: Substation, master
     interrogation = master.interrogate(CA)
     quality = {o.ioa: o.quality for o in interrogation.objects}
     assert quality[1 + RESET] & IV  # as of a point that was never read
+
+
+# ---- what a process said of now ------------------------------------------------------------------------
+
+
+def test_nothing_is_open_or_answers_in_a_process_that_was_stopped(running: Substation) -> None:
+    """The process leaves what it had shown last."""
+    gateway, line = running.gateway, "rtu-modbus-1"
+
+    def shown() -> tuple[bool, bool]:
+        (row,) = gateway.query("lines")
+        return row["open"], row["devices"][0]["alive"]
+
+    gateway.wait_for(lambda: shown() == (True, True), WAIT_S, "the device answers")
+    gateway.ctl("module", line, "stop")
+    assert shown() == (False, False)
+    assert "0 of 1" in gateway.ctl("top", "--once")
+    gateway.ctl("module", line, "start")
+    gateway.wait_for(lambda: shown() == (True, True), WAIT_S, "the device answers again")
+    gateway.wait_for(lambda: everything_read(gateway), WAIT_S, "all is read again")
+
+
+def test_nobody_is_connected_to_a_station_that_was_stopped(running: Substation) -> None:
+    gateway = running.gateway
+    with RawMaster(*gateway.address):
+        assert len(gateway.query("iec104", "connections")) == 1
+        gateway.ctl("module", "rtu-iec104", "stop")
+        assert gateway.query("iec104", "connections") == []
+    gateway.ctl("module", "rtu-iec104", "start")

@@ -121,6 +121,8 @@ void map_module(const struct map *map, uint32_t index, struct map_module *out);
 bool map_alive(const struct map *map, uint32_t module);
 /* The first module of a kind; MAP_NONE: there is none. */
 uint32_t map_module_of_kind(const struct map *map, const char *kind);
+/* There is one, and it is alive. */
+bool map_kind_alive(const struct map *map, const char *kind);
 /* So many events were overwritten before this module read them: map_module shows the sum. */
 void map_count_lost_events(struct map *map, uint32_t events);
 /* How often all modules were started together: 1, and one more with each MAP_RESTART. */

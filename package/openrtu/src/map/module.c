@@ -75,6 +75,13 @@ uint32_t map_module_of_kind(const struct map *map, const char *kind)
 	return MAP_NONE;
 }
 
+bool map_kind_alive(const struct map *map, const char *kind)
+{
+	const uint32_t module = map_module_of_kind(map, kind);
+
+	return module != MAP_NONE && map_alive(map, module);
+}
+
 void map_module(const struct map *map, uint32_t index, struct map_module *out)
 {
 	const struct module_entry *entry = &map->modules[index];

@@ -109,6 +109,20 @@ struct modbus_frames *modbus_line_frames(const struct map *map, uint32_t line)
 	return (void *)(section + offset_of_frames(config, line));
 }
 
+bool modbus_line_is_open(const struct map *map, uint32_t line)
+{
+	return modbus_line_stats(map, line)->open != 0 &&
+	       map_alive(map, modbus_ports(map_config(map))[line].module);
+}
+
+bool modbus_device_answers(const struct map *map, uint32_t device)
+{
+	const struct map_config *config = map_config(map);
+
+	return modbus_device_stats(map, device)->alive != 0 &&
+	       map_alive(map, modbus_ports(config)[modbus_slaves(config)[device].port].module);
+}
+
 /* ---- what passes over to another process ------------------------------------------------------ */
 
 static uint32_t find_line(const struct map_config *config, const struct modbus_port *port)

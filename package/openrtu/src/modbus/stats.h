@@ -86,6 +86,9 @@ struct modbus_device_stats {
 struct modbus_line_stats *modbus_line_stats(const struct map *map, uint32_t line);
 struct modbus_device_stats *modbus_device_stats(const struct map *map, uint32_t device);
 struct modbus_frames *modbus_line_frames(const struct map *map, uint32_t line);
+/* What a process shows of now, which is nothing when it does not run: a line is open, a device answers. */
+bool modbus_line_is_open(const struct map *map, uint32_t line);
+bool modbus_device_answers(const struct map *map, uint32_t device);
 
 /* Owner: names the counters of a line by its port, as in "p1.crc_errors". */
 void modbus_name_counters(struct map *map, uint32_t line);

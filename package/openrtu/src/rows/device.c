@@ -25,7 +25,7 @@ json_t *rows_device(const struct map *map, uint32_t index)
 	json_object_set_new(row, "id", json_integer(slave->unit));
 	json_object_set_new(row, "description", json_string(set->name));
 	json_object_set_new(row, "ca", json_integer(set->ca));
-	json_object_set_new(row, "alive", json_boolean(stats->alive));
+	json_object_set_new(row, "alive", json_boolean(modbus_device_answers(map, index)));
 	json_object_set_new(row, "latency_ms", rows_milliseconds(stats->latency_us));
 	json_object_set_new(row, "latency_least_ms", rows_milliseconds(stats->latency_least_us));
 	json_object_set_new(row, "latency_typical_ms", rows_milliseconds(stats->latency_typical_us));

@@ -47,7 +47,7 @@ json_t *rows_line(const struct map *map, uint32_t index)
 	json_object_set_new(row, "device", json_string(line->device));
 	json_object_set_new(row, "format", line_format(line));
 	json_object_set_new(row, "module", rows_module_name(map, line->module));
-	json_object_set_new(row, "open", json_boolean(stats->open));
+	json_object_set_new(row, "open", json_boolean(modbus_line_is_open(map, index)));
 	json_object_set_new(row, "scan_ms", rows_milliseconds(stats->scan_us));
 	json_object_set_new(row, "requests", json_integer(stats->requests));
 	json_object_set_new(row, "answers", json_integer(stats->answers));

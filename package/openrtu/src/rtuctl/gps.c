@@ -91,7 +91,7 @@ static void add_fix(json_t *row, const struct gps_fix *fix)
 	json_object_set_new(row, "sky", sky_of(fix));
 }
 
-static json_t *receiver_row(const struct gps_settings *settings, struct gps_stats *stats)
+static json_t *receiver_row(const struct gps_settings *settings, struct gps_stats *stats, bool alive)
 {
 	const struct {
 		const char *name;
@@ -119,7 +119,7 @@ static json_t *receiver_row(const struct gps_settings *settings, struct gps_stat
 			    settings->device[0] != '\0'
 				? json_string(settings->device)
 				: json_sprintf("gpsd %s:%u", settings->gpsd, settings->gpsd_port));
-	json_object_set_new(row, "open", json_boolean(stats->open));
+	json_object_set_new(row, "open", json_boolean(alive && stats->open != 0));
 	if (last_fix(stats, &fix))
 		add_fix(row, &fix);
 	for (size_t i = 0; i < COUNT(counters); i++)
@@ -197,7 +197,7 @@ int rtuctl_gps(struct map *map, const struct rtuctl_request *request)
 		if (request->arguments[0] != NULL && strcmp(request->arguments[0], settings[i].name) != 0)
 			continue;
 		chosen = &stats[i];
-		listing_add(&listing, receiver_row(&settings[i], &stats[i]));
+		listing_add(&listing, receiver_row(&settings[i], &stats[i], map_kind_alive(map, GPS_KIND)));
 	}
 	listing_end_found(&listing, chosen != NULL);
 	if (chosen == NULL) {

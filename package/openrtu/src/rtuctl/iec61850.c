@@ -83,7 +83,7 @@ static json_t *association_rows(const struct map *map)
 	struct iec61850_shown shown;
 	json_t *rows = json_array();
 
-	if (!take_shown(map, &shown))
+	if (!map_kind_alive(map, IEC61850_KIND) || !take_shown(map, &shown))
 		return rows;
 	for (uint32_t i = 0; i < shown.association_count && i < COUNT(shown.associations); i++) {
 		const struct iec61850_shown_association *of = &shown.associations[i];
@@ -103,7 +103,7 @@ static json_t *block_rows(const struct map *map)
 	struct iec61850_shown shown;
 	json_t *rows = json_array();
 
-	if (!take_shown(map, &shown))
+	if (!map_kind_alive(map, IEC61850_KIND) || !take_shown(map, &shown))
 		return rows;
 	for (uint32_t i = 0; i < shown.block_count && i < COUNT(shown.blocks); i++) {
 		const struct iec61850_shown_block *of = &shown.blocks[i];
@@ -175,6 +175,7 @@ static json_t *subscribed_rows(const struct map *map)
 	const struct map_config *config = map_config(map);
 	const struct goose_stats *stats = goose_stats_of(map);
 	const uint32_t count = stats == NULL ? 0 : map_record_count(config, GOOSE_SUBSCRIPTIONS);
+	const bool alive = map_kind_alive(map, GOOSE_KIND);
 	json_t *rows = json_array();
 
 	for (uint32_t i = 0; i < count; i++) {
@@ -184,10 +185,10 @@ static json_t *subscribed_rows(const struct map *map)
 		json_array_append_new(
 		    rows,
 		    json_pack("{s:s, s:s, s:b, s:I, s:I, s:I, s:I, s:I}", "name", of->name, "control_block",
-			      of->control, "holds", counted->holds != 0, "stnum", (json_int_t)counted->states,
-			      "repeated", (json_int_t)counted->repeated, "missed",
-			      (json_int_t)counted->missed, "mismatched", (json_int_t)counted->mismatched,
-			      "expired", (json_int_t)counted->expired));
+			      of->control, "holds", alive && counted->holds != 0, "stnum",
+			      (json_int_t)counted->states, "repeated", (json_int_t)counted->repeated,
+			      "missed", (json_int_t)counted->missed, "mismatched",
+			      (json_int_t)counted->mismatched, "expired", (json_int_t)counted->expired));
 	}
 	return rows;
 }

@@ -53,9 +53,10 @@ static json_t *queue_name(const struct map *map, uint32_t slot)
 static json_t *connection_rows(const struct map *map)
 {
 	const struct iec104_settings *settings = iec104_settings(map_config(map));
+	const bool alive = map_kind_alive(map, IEC104_KIND);
 	json_t *rows = json_array();
 
-	for (unsigned i = 0; i < IEC104_CONNECTIONS_MAX; i++) {
+	for (unsigned i = 0; alive && i < IEC104_CONNECTIONS_MAX; i++) {
 		struct iec104_shown_connection connection;
 		json_t *row;
 

@@ -679,7 +679,7 @@ static void test_suggest_nothing_unsound(void **state)
 	assert_contains(" takes no --suggest");
 }
 
-/* As rtu-iec104 would leave it after two acknowledged events and one that was only sent. */
+/* As of a rtu-iec104 that runs, after two acknowledged events and one that was only sent. */
 static void fill_station(void)
 {
 	struct iec104_connection_stats *stats;
@@ -706,6 +706,10 @@ static void fill_station(void)
 	stats->owed = 2;
 	iec104_stats_of(station)->counters[IEC104_COUNT_TESTFR_ACT_IN] = 4711;
 	map_detach(station);
+}
+
+static void end_station(void)
+{
 	map_module_ended(rtud, 1, false);
 }
 
@@ -729,6 +733,10 @@ static void test_iec104(void **state)
 	assert_contains("\ntestfr_act_in                4711\n");
 	assert_int_equal(RUN("iec104", "queue"), 2);
 	assert_contains("expected connections, queues or counters");
+	end_station();
+	assert_int_equal(RUN("iec104"), 0);
+	assert_null(strstr(output, "192.0.2.1 port 40000"));
+	assert_contains("\ntestfr_act_in                4711\n");
 }
 
 static void test_iec104_json(void **state)
@@ -752,6 +760,7 @@ static void test_iec104_json(void **state)
 	    json_array_get(json_object_get(json_array_get(json, 0), "counters"), IEC104_COUNT_TESTFR_ACT_IN);
 	assert_string_equal(json_string_value(json_object_get(row, "counter")), "testfr_act_in");
 	json_decref(json);
+	end_station();
 }
 
 static void test_set(void **state)

@@ -135,7 +135,7 @@ static json_t *devices_alive(const struct map *map, const struct modbus_port *li
 	unsigned alive = 0;
 
 	for (uint32_t i = 0; i < line->device_count; i++)
-		alive += modbus_device_stats(map, line->first_device + i)->alive != 0;
+		alive += modbus_device_answers(map, line->first_device + i);
 	return json_sprintf("%u of %u", alive, line->device_count);
 }
 
@@ -144,12 +144,13 @@ static json_t *line_row(const struct top *top, uint32_t index)
 	const struct modbus_port *line = &modbus_ports(map_config(top->map))[index];
 	const struct modbus_line_stats *stats = modbus_line_stats(top->map, index);
 	const struct rates_line *rates = &top->rates.lines[index];
+	const bool open = modbus_line_is_open(top->map, index);
 	json_t *row = json_object();
 
 	json_object_set_new(row, "port", json_integer(line->port));
 	json_object_set_new(row, "device", json_string(line->device));
 	json_object_set_new(row, "open",
-			    in_colour(top, stats->open ? GREEN : RED, stats->open ? "yes" : "no"));
+			    in_colour(top, open ? GREEN : RED, open ? "yes" : "no"));
 	json_object_set_new(row, "requests_s", json_sprintf("%.1f", rates->requests_s));
 	json_object_set_new(row, "errors_s",
 			    rates->errors_s > 0 && top->colours

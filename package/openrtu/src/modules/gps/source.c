@@ -40,6 +40,7 @@ void source_init(struct source *source, struct map *map, const struct gps_settin
 			 settings->gpsd_port);
 	gps_receiver_init(&source->nmea, settings->silence_ns, built_days);
 	gpsd_reader_init(&source->gpsd, settings->gpsd_device, built_days);
+	atomic_store(&stats->open, 0); /* a process before may have been killed */
 }
 
 void source_close(struct source *source)
