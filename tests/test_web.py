@@ -87,6 +87,15 @@ def test_other_rows_are_those_of_rtuctl(page: Page, viewer: Client) -> None:
     assert viewer.rows("/api/events?count=3")[0] in known
 
 
+def test_frames_are_those_of_rtuctl(page: Page, viewer: Client) -> None:
+    rows = viewer.rows("/api/frames?port=1&count=5")
+    known = [json.loads(line) for line in page.gateway.ctl("--json", "frames", "1").splitlines()]
+    assert len(rows) == 5
+    assert [row for row in known if row in rows] == rows
+    assert viewer.rows("/api/frames?port=1&count=0") == []
+    assert [viewer.rows(f"/api/frames{query}") for query in ("", "?port=9", "?port=x")] == [[], [], []]
+
+
 def test_points_are_searched_and_shown_in_parts(viewer: Client) -> None:
     names = [row["name"] for row in viewer.rows("/api/points")]
     answer = viewer.ask("/api/points?from=1&count=2").json()

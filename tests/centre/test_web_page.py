@@ -102,6 +102,7 @@ def test_views_by_the_keyboard_alone(tab: Tab) -> None:
         ("5", "ttyS1"),
         ("6", "rtu-web"),
         ("7", "logged in from"),
+        ("8", "read 2 input registers from"),
         ("3", "change"),
     ):
         tab.keyboard.press(key)

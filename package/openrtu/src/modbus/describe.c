@@ -32,6 +32,11 @@ __attribute__((format(printf, 2, 3))) static void say(struct words *words, const
 		words->length = MODBUS_WORDS_SIZE - 1;
 }
 
+static const char *plural(size_t count)
+{
+	return count == 1 ? "" : "s";
+}
+
 static const char *objects_of(uint8_t function, uint16_t count)
 {
 	static const char *const names[][2] = {
@@ -113,7 +118,7 @@ static void say_request(struct words *words, const uint8_t *body, size_t length)
 	const size_t fixed = HEAD + (body[1] == MODBUS_MASK_WRITE_REGISTER ? 6u : 4u);
 
 	if (!is_known(body[1]) || length < fixed) {
-		say(words, "function %u, %zu octets", body[1], length - HEAD);
+		say(words, "function %u, %zu octet%s", body[1], length - HEAD, plural(length - HEAD));
 		return;
 	}
 	say(words, modbus_is_read(body[1]) ? "read " : "write ");
@@ -157,7 +162,7 @@ static void say_answer(struct words *words, const uint8_t *body, size_t length)
 		else
 			say_range(words, body);
 	} else {
-		say(words, "function %u, %zu octets", body[1], length - HEAD);
+		say(words, "function %u, %zu octet%s", body[1], length - HEAD, plural(length - HEAD));
 	}
 }
 
@@ -203,7 +208,7 @@ bool modbus_describe(enum modbus_framing framing, enum modbus_direction directio
 
 	out[0] = '\0';
 	if (body == NULL) {
-		say(&words, "%zu octets, no sound frame", length);
+		say(&words, "%zu octet%s, no sound frame", length, plural(length));
 		return false;
 	}
 	if (framing == MODBUS_FRAMING_TCP)

@@ -11,97 +11,47 @@
 
 #include <jansson.h>
 
-#include "map/time_ns.h"
 #include "modbus/config.h"
-#include "modbus/describe.h"
-#include "modbus/stats.h"
+#include "rows/frames.h"
 #include "rows/words.h"
 #include "rtuctl/listing.h"
 #include "rtuctl/pcapng.h"
 #include "rtuctl/renew.h"
 
-#define GAP_NS       (50 * NS_PER_MS) /* between two pieces of one frame, at the most */
-#define FRAME_OCTETS (2 * MODBUS_PIECE_MAX)
 #define SHOWN_OCTETS 16U
 
 static const struct timespec LOOK_PERIOD = {.tv_nsec = 50 * 1000 * 1000};
 
-struct frame {
-	uint32_t line;
-	enum modbus_direction direction;
-	int64_t time_ns; /* of its first piece */
-	size_t length;
-	uint8_t octets[FRAME_OCTETS];
-};
-
-/* One that is looked at. */
-struct source {
-	uint32_t line; /* of the configuration */
-	struct modbus_frames_reader reader;
-	struct frame begun; /* length 0: none */
-	int64_t last_ns;    /* of its last piece */
-};
-
 struct monitor {
 	struct map *map;
 	const struct rtuctl_request *request;
-	struct source *sources;
+	struct frame_source *sources;
 	uint32_t source_count;
 	struct frame *frames; /* since the last look */
 	size_t frame_count;
-	int64_t told_ns; /* the last one */
+	int64_t told_ns;  /* the last one */
+	int64_t after_ns; /* what is of this time, or before, was told before a reload */
 	unsigned long told;
 	struct pcapng pcapng;
 };
 
-/* ---- pieces become frames ---------------------------------------------------------------- */
+/* ---- frames are taken -------------------------------------------------------------------- */
 
 static enum modbus_framing framing_of(const struct monitor *monitor, uint32_t line)
 {
 	return (enum modbus_framing)modbus_ports(map_config(monitor->map))[line].framing;
 }
 
-static void end_frame(struct monitor *monitor, struct source *source)
+static void keep_frame(void *context, const struct frame *frame)
 {
-	if (source->begun.length == 0)
+	struct monitor *monitor = context;
+
+	if (frame->time_ns <= monitor->after_ns)
 		return;
 	monitor->frames = reallocarray(monitor->frames, monitor->frame_count + 1, sizeof(*monitor->frames));
 	if (monitor->frames == NULL)
 		errx(RTUCTL_FAILED, "out of memory");
-	monitor->frames[monitor->frame_count++] = source->begun;
-	source->begun.length = 0;
-}
-
-static bool goes_on(const struct source *source, const struct modbus_piece *piece)
-{
-	return source->begun.length > 0 && piece->direction == MODBUS_RECEIVED &&
-	       piece->time_ns - source->last_ns < GAP_NS &&
-	       source->begun.length + piece->length <= FRAME_OCTETS;
-}
-
-static bool is_whole(const struct monitor *monitor, const struct frame *frame)
-{
-	char words[MODBUS_WORDS_SIZE];
-
-	return frame->direction == MODBUS_SENT ||
-	       modbus_describe(framing_of(monitor, frame->line), frame->direction, frame->octets,
-			       frame->length, words);
-}
-
-static void take_piece(struct monitor *monitor, struct source *source, const struct modbus_piece *piece)
-{
-	struct frame *begun = &source->begun;
-
-	if (!goes_on(source, piece)) {
-		end_frame(monitor, source);
-		*begun = (struct frame){
-		    .line = source->line, .direction = piece->direction, .time_ns = piece->time_ns};
-	}
-	memcpy(begun->octets + begun->length, piece->octets, piece->length);
-	begun->length += piece->length;
-	source->last_ns = piece->time_ns;
-	if (is_whole(monitor, begun))
-		end_frame(monitor, source);
+	monitor->frames[monitor->frame_count++] = *frame;
 }
 
 static int by_time(const void *left, const void *right)
@@ -111,19 +61,13 @@ static int by_time(const void *left, const void *right)
 	return (a->time_ns > b->time_ns) - (a->time_ns < b->time_ns);
 }
 
-/* What has begun may have its end: all of it when nobody waits for more. */
-static void look(struct monitor *monitor, bool waits)
+/* Of all lines, in order of time. */
+static void look(struct monitor *monitor)
 {
 	for (uint32_t i = 0; i < monitor->source_count; i++) {
-		struct source *source = &monitor->sources[i];
-		struct modbus_piece piece;
+		struct frame_source *source = &monitor->sources[i];
 
-		modbus_frames_look(modbus_line_frames(monitor->map, source->line), &source->reader);
-		while (modbus_frames_next(&source->reader, &piece))
-			if (piece.time_ns > monitor->told_ns || source->begun.length > 0)
-				take_piece(monitor, source, &piece);
-		if (!waits || map_now_ns() - source->last_ns > GAP_NS)
-			end_frame(monitor, source);
+		frames_take(monitor->map, source, keep_frame, monitor);
 		if (source->reader.has_lost)
 			fprintf(stderr, "rtuctl: frames of port %u were overwritten before they were read\n",
 				modbus_ports(map_config(monitor->map))[source->line].port);
@@ -135,38 +79,17 @@ static void look(struct monitor *monitor, bool waits)
 
 /* ---- frames are told --------------------------------------------------------------------- */
 
-static const char *direction_name(const struct frame *frame)
+static void print_line(const struct frame *frame, const json_t *row)
 {
-	return frame->direction == MODBUS_SENT ? "sent" : "received";
-}
+	const char *octets = json_string_value(json_object_get(row, "octets"));
+	char hex[3 * SHOWN_OCTETS + 1] = "";
 
-static void put_hex(const struct frame *frame, size_t most, const char *between, char *out)
-{
-	out[0] = '\0';
-	for (size_t i = 0; i < frame->length && i < most; i++)
-		out += sprintf(out, "%s%02x", i > 0 ? between : "", frame->octets[i]);
-}
-
-static void print_row(const struct monitor *monitor, const struct frame *frame, const char *time,
-		      const char *words)
-{
-	char hex[2 * FRAME_OCTETS + 1];
-
-	put_hex(frame, FRAME_OCTETS, "", hex);
-	listing_print_json(json_pack("{s:s, s:i, s:s, s:s, s:s}", "time", time, "port",
-				     (int)modbus_ports(map_config(monitor->map))[frame->line].port,
-				     "direction", direction_name(frame), "octets", hex, "text", words));
-}
-
-static void print_line(const struct monitor *monitor, const struct frame *frame, const char *time,
-		       const char *words)
-{
-	char hex[3 * SHOWN_OCTETS + 1];
-
-	put_hex(frame, SHOWN_OCTETS, " ", hex);
-	printf("%s  %u %c %-*s %c  %s\n", time, modbus_ports(map_config(monitor->map))[frame->line].port,
-	       frame->direction == MODBUS_SENT ? '>' : '<', (int)(3 * SHOWN_OCTETS) - 1, hex,
-	       frame->length > SHOWN_OCTETS ? '+' : ' ', words);
+	for (size_t i = 0; i < frame->length && i < SHOWN_OCTETS; i++)
+		snprintf(hex + 3 * i, 4, "%.2s ", octets + 2 * i);
+	printf("%s  %lld %c %-*s%c  %s\n", json_string_value(json_object_get(row, "time")),
+	       json_integer_value(json_object_get(row, "port")), frame->direction == MODBUS_SENT ? '>' : '<',
+	       (int)(3 * SHOWN_OCTETS), hex, frame->length > SHOWN_OCTETS ? '+' : ' ',
+	       json_string_value(json_object_get(row, "text")));
 }
 
 static uint32_t source_of(const struct monitor *monitor, const struct frame *frame)
@@ -178,28 +101,30 @@ static uint32_t source_of(const struct monitor *monitor, const struct frame *fra
 	return source;
 }
 
-static void tell_frame(struct monitor *monitor, const struct frame *frame)
+static void save_frame(struct monitor *monitor, const struct frame *frame)
 {
-	const int64_t wall_ns = map_wall_ns(map_clock_read(monitor->map), frame->time_ns);
 	/* Wireshark's own. It has none for ASCII: that is text. */
 	static const char *const dissectors[] = {[MODBUS_FRAMING_RTU] = "mbrtu",
 						 [MODBUS_FRAMING_TCP] = "mbtcp",
 						 [MODBUS_FRAMING_ASCII] = "data-text-lines"};
-	char time[WORDS_SIZE], words[MODBUS_WORDS_SIZE];
 
-	if (monitor->request->pcapng != NULL) {
-		pcapng_frame(&monitor->pcapng, source_of(monitor, frame),
-			     dissectors[framing_of(monitor, frame->line)], frame->direction == MODBUS_SENT,
-			     frame->octets, frame->length, wall_ns);
+	pcapng_frame(&monitor->pcapng, source_of(monitor, frame),
+		     dissectors[framing_of(monitor, frame->line)], frame->direction == MODBUS_SENT,
+		     frame->octets, frame->length, map_wall_ns(map_clock_read(monitor->map), frame->time_ns));
+}
+
+static void print_frame(const struct monitor *monitor, const struct frame *frame)
+{
+	json_t *row = rows_frame(monitor->map, frame);
+
+	if (row == NULL)
+		errx(RTUCTL_FAILED, "out of memory");
+	if (monitor->request->json) {
+		listing_print_json(row);
 		return;
 	}
-	words_time_us(wall_ns, time);
-	modbus_describe(framing_of(monitor, frame->line), frame->direction, frame->octets, frame->length,
-			words);
-	if (monitor->request->json)
-		print_row(monitor, frame, time, words);
-	else
-		print_line(monitor, frame, time, words);
+	print_line(frame, row);
+	json_decref(row);
 }
 
 /* From the frame first on. False: as many as were wanted. */
@@ -208,7 +133,10 @@ static bool tell(struct monitor *monitor, size_t first)
 	const unsigned long most = monitor->request->follow ? monitor->request->count : 0;
 
 	for (size_t i = first; i < monitor->frame_count; i++) {
-		tell_frame(monitor, &monitor->frames[i]);
+		if (monitor->request->pcapng != NULL)
+			save_frame(monitor, &monitor->frames[i]);
+		else
+			print_frame(monitor, &monitor->frames[i]);
 		monitor->told_ns = monitor->frames[i].time_ns;
 		if (++monitor->told == most)
 			return false;
@@ -263,9 +191,11 @@ static int begin_file(struct monitor *monitor)
 static int follow(struct monitor *monitor)
 {
 	while (map_alive(monitor->map, MAP_RTUD)) {
-		if (renew_map(monitor->map))
+		if (renew_map(monitor->map)) {
+			monitor->after_ns = monitor->told_ns;
 			find_sources(monitor);
-		look(monitor, true);
+		}
+		look(monitor);
 		if (!tell(monitor, 0))
 			return RTUCTL_DONE;
 		nanosleep(&LOOK_PERIOD, NULL);
@@ -278,7 +208,7 @@ static int tell_kept(struct monitor *monitor)
 {
 	const unsigned long count = monitor->request->count;
 
-	look(monitor, false);
+	look(monitor);
 	tell(monitor, count != 0 && monitor->frame_count > count ? monitor->frame_count - count : 0);
 	return RTUCTL_DONE;
 }

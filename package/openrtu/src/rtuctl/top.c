@@ -149,8 +149,7 @@ static json_t *line_row(const struct top *top, uint32_t index)
 
 	json_object_set_new(row, "port", json_integer(line->port));
 	json_object_set_new(row, "device", json_string(line->device));
-	json_object_set_new(row, "open",
-			    in_colour(top, open ? GREEN : RED, open ? "yes" : "no"));
+	json_object_set_new(row, "open", in_colour(top, open ? GREEN : RED, open ? "yes" : "no"));
 	json_object_set_new(row, "requests_s", json_sprintf("%.1f", rates->requests_s));
 	json_object_set_new(row, "errors_s",
 			    rates->errors_s > 0 && top->colours

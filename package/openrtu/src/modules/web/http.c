@@ -36,6 +36,7 @@ static const struct route routes[] = {
     {.path = "/api/counters", .make = list_counters},
     {.path = "/api/events", .make = list_events},
     {.path = "/api/log", .make = list_log},
+    {.path = "/api/frames", .make = list_frames},
     {.path = "/api/command", .make = command_state, .role = WEB_OPERATOR},
     {.path = "/api/order", .make = command_order, .posted = true, .role = WEB_OPERATOR},
 };

@@ -5,10 +5,12 @@
 #include <string.h>
 
 #include "modbus/config.h"
+#include "rows/frames.h"
 #include "rows/rows.h"
 
 #define ROWS_MAX     500
 #define LOG_MAX      200
+#define FRAMES_MAX   100
 #define LINES_A_LOOK 1024 /* of each module's log; more than it keeps */
 #define BLOCK_SIZE   2048
 #define SEARCH_SIZE  MAP_NAME_SIZE
@@ -16,6 +18,13 @@
 struct entry {
 	struct map_log_line line;
 	uint32_t module;
+};
+
+/* Of one line, the newest: a ring. */
+struct frames {
+	struct frame_source source;
+	struct frame newest[FRAMES_MAX];
+	uint32_t most, count; /* at most so many; how many there were */
 };
 
 struct list {
@@ -27,7 +36,8 @@ struct list {
 	bool bad;
 	struct map_cursor cursor; /* of events */
 	struct entry *entries;    /* of the log */
-	char *text;               /* what is written, of which so much has gone */
+	struct frames *frames;
+	char *text; /* what is written, of which so much has gone */
 	size_t size, sent;
 	bool begun, ended;
 };
@@ -40,6 +50,7 @@ static void forget(void *context)
 
 	free(list->text);
 	free(list->entries);
+	free(list->frames);
 	free(list);
 }
 
@@ -331,4 +342,63 @@ struct http_answer list_log(struct http_site *site, struct http_request *request
 		}
 	}
 	return send_list(list, total);
+}
+
+/* ---- what went over a line --------------------------------------------------------------- */
+
+static void keep_frame(void *context, const struct frame *frame)
+{
+	struct frames *frames = context;
+
+	frames->newest[frames->count++ % frames->most] = *frame;
+}
+
+static json_t *next_frame(struct list *list)
+{
+	const struct frames *frames = list->frames;
+
+	return list->next < frames->count
+		   ? rows_frame(list->map, &frames->newest[list->next++ % frames->most])
+		   : NULL;
+}
+
+/* The place of the line of that port; MAP_NONE: there is none. */
+static uint32_t line_of(const struct map_config *config, uint32_t port)
+{
+	for (uint32_t i = 0; i < modbus_port_count(config); i++)
+		if (modbus_ports(config)[i].port == port)
+			return i;
+	return MAP_NONE;
+}
+
+/* NULL: there is no memory. */
+static struct frames *frames_of(const struct map *map, uint32_t line, uint32_t most)
+{
+	struct frames *frames = calloc(1, sizeof(*frames));
+
+	if (frames == NULL)
+		return NULL;
+	frames->source.line = line;
+	frames->most = most;
+	frames_take(map, &frames->source, keep_frame, frames);
+	return frames;
+}
+
+struct http_answer list_frames(struct http_site *site, struct http_request *request)
+{
+	const uint32_t line = line_of(map_config(site->map), request_number(request, "port", UINT16_MAX, 0));
+	const uint32_t most = request_number(request, "count", FRAMES_MAX, FRAMES_MAX);
+	struct list *list = new_list(site, request, next_frame);
+
+	if (list == NULL)
+		return send_list(NULL, 0);
+	if (line != MAP_NONE && most > 0)
+		list->frames = frames_of(site->map, line, most);
+	if (list->frames == NULL) {
+		list->left = 0;
+		return send_list(list, 0);
+	}
+	if (list->frames->count > most)
+		list->next = list->frames->count - most;
+	return send_list(list, list->frames->count);
 }

@@ -9,6 +9,7 @@
 http_route list_points;
 http_route list_commands, list_lines, list_modules, list_counters;
 http_route list_events, list_log; /* count: of the newest */
+http_route list_frames;           /* port: of which line; count: of the newest */
 
 /* Something is wrong with a point: it is not good, though it can be. */
 bool list_is_bad(const struct map *map, uint32_t point);

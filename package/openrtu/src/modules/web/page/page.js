@@ -270,6 +270,18 @@ const eventColumns = [
   text("Time", "time"), text("Event", "event"), text("Name", "name"), { title: "Value", class: "value", show: value },
   { title: "Quality", show: (row) => (row.quality === undefined ? "" : qualityOf(row)) }, text("Cause", "cause", "clutter"),
 ];
+// Octets in pairs; of a long frame the beginning, and all of it where the pointer rests.
+const octets = (row) => {
+  const pairs = row.octets.match(/../g) ?? [], most = 24;
+  const shown = pairs.slice(0, most).join(" ") + (pairs.length > most ? " …" : "");
+  return { key: row.octets, make: () => element("span", { title: pairs.join(" ") }, shown) };
+};
+const frameColumns = [
+  { title: "Time (UTC)", class: "text", show: (row) => row.time.slice(11, 26) },
+  { title: "Direction", show: (row) => (row.direction === "sent" ? state("none", "›", "sent") : state("none", "‹", "received")) },
+  text("In words", "text"),
+  { title: "Octets", class: "text octets clutter", show: octets },
+];
 const LEVELS = { error: "bad", warning: "old" };
 const logColumns = [
   text("Time", "time", "time"), text("Module", "module", "module"),
@@ -353,6 +365,22 @@ const VIEWS = {
   log: ["Log", () => {
     const shown = table("", logColumns, "The log is empty.", "log");
     return { parts: [shown.card], update: async () => shown.update((await ask(`/api/log?${query({ count: 200 })}`)).rows.reverse()) };
+  }],
+  frames: ["Frames", () => {
+    const shown = table("", frameColumns, "Nothing has gone over this line.");
+    const ports = element("select", { "aria-label": "Line", change: () => again() });
+    let known = "";
+    return {
+      parts: [element("div", { class: "row" }, element("label", {}, "Line ", ports)), shown.card],
+      async update() {
+        const { rows } = await ask("/api/lines"), names = rows.map((row) => `port ${row.port}, ${row.device}`);
+        if (known !== names.join()) {
+          ports.replaceChildren(...rows.map((row, i) => element("option", { value: row.port, selected: String(row.port) === ports.value }, names[i])));
+          known = names.join();
+        }
+        shown.update(ports.value ? (await ask(`/api/frames?${query({ port: ports.value, count: 100 })}`)).rows.reverse() : []);
+      },
+    };
   }],
 };
 
