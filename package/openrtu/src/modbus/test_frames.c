@@ -5,6 +5,9 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>
+#include <sys/mman.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <cmocka.h>
 
@@ -140,6 +143,56 @@ static void test_what_is_no_ring_ends_the_reading(void **state)
 	assert_in_range(taken, 0, MODBUS_FRAMES_SIZE / HEAD);
 }
 
+#define MANY 300000u
+
+static void write_many(struct modbus_frames *shared)
+{
+	uint8_t octets[256];
+
+	for (unsigned number = 1; number <= MANY; number++) {
+		memset(octets, (int)(number % 256), sizeof(octets));
+		modbus_frames_add(shared, MODBUS_SENT, octets, number % 200, number);
+	}
+	_exit(0);
+}
+
+/* True: it is the last of all. */
+static bool is_last(const struct modbus_piece *piece, int64_t *before)
+{
+	assert_true(piece->time_ns > *before);
+	*before = piece->time_ns;
+	assert_int_equal(piece->length, piece->time_ns % 200);
+	for (size_t i = 0; i < piece->length; i++)
+		assert_int_equal(piece->octets[i], piece->time_ns % 256);
+	return piece->time_ns == MANY;
+}
+
+/* Another process writes meanwhile, faster than this one reads. */
+static void test_no_piece_is_torn(void **state)
+{
+	struct modbus_frames *shared =
+	    mmap(NULL, sizeof(*shared), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+	struct modbus_piece piece;
+	int64_t before = 0;
+	bool ended = false;
+	pid_t writer;
+	int status;
+
+	(void)state;
+	assert_true(shared != MAP_FAILED);
+	writer = fork();
+	if (writer == 0)
+		write_many(shared);
+	while (!ended) {
+		modbus_frames_look(shared, &reader);
+		while (!ended && modbus_frames_next(&reader, &piece))
+			ended = is_last(&piece, &before);
+	}
+	assert_int_equal(waitpid(writer, &status, 0), writer);
+	assert_int_equal(status, 0);
+	munmap(shared, sizeof(*shared));
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -149,6 +202,7 @@ int main(void)
 	    cmocka_unit_test_setup(test_of_a_flood_the_beginning_is_kept, begin),
 	    cmocka_unit_test_setup(test_positions_wrap, begin),
 	    cmocka_unit_test_setup(test_what_is_no_ring_ends_the_reading, begin),
+	    cmocka_unit_test_setup(test_no_piece_is_torn, begin),
 	};
 	return cmocka_run_group_tests_name("frames", tests, NULL, NULL);
 }
