@@ -185,6 +185,10 @@ QUIET = {
     + device("can3", {"CAN3_RXD": "PA0", "CAN3_TXD": "PA1"})
     + '&can3 { status = "disabled"; };',
     "GPIO controller by either of its sources": "&gpio { interrupts = <8 4 1>; };",
+    "names of nodes that read like lists of lines": "/ { aliases { gpio = &gpio; status-gpios = &gpio; }; };",
+    "interrupt controller at the root": "/delete-node/ &aic; / { interrupt-parent = <&aic>; "
+    'aic: interrupt-controller@b0042000 { compatible = "nuvoton,nuc980-aic"; reg = <0xb0042000 0x1000>; '
+    "interrupt-controller; #interrupt-cells = <3>; }; };",
     "no pin controller, a device that the chip does not have": "/delete-node/ &pinctrl;"
     '/ { apb { fpga@c0000000 { compatible = "acme,fpga"; reg = <0xc0000000 4>; }; }; };',
 }
@@ -301,6 +305,19 @@ def test_source_and_dtb_have_the_same_findings(tmp_path: Path) -> None:
     from_dtb = check(read_dtb(dtb), CHIP, BOARD, BOARD.package)
     assert told(from_dtb) == told(check(tree, CHIP, BOARD, BOARD.package)) != set()
     assert [finding.place for finding in from_dtb if finding.place] == []
+
+
+def test_symbols_of_an_overlays_base_are_no_devices(tmp_path: Path) -> None:
+    """dtc -@ names each label there, gpio too."""
+    dtb = tmp_path / "board.dtb"
+    read(tmp_path, gateway())
+    source = gateway().replace('#include "soc.dtsi"', '/include/ "soc.dtsi"')
+    subprocess.run(["dtc", "-q", "-@", "-i", tmp_path, "-o", dtb], input=source.encode(), check=True)
+    tree = read_dtb(dtb)
+    symbols = tree.find("/__symbols__")
+    assert symbols
+    assert "gpio" in symbols.properties
+    assert check(tree, CHIP) == []
 
 
 # ---- how it is told ------------------------------------------------------------------------------

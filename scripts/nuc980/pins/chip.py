@@ -16,6 +16,7 @@ BANKS = "ABCDEFG"
 PINS_A_BANK = 16
 GPIOS_A_BANK = 32  # the GPIO number of a pin is 32 * bank + pin
 GPIO = "GPIO"
+AIC = "aic"  # the interrupt controller's label
 # libyaml's loader, ten times faster, where PyYAML was built with it.
 YamlLoader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 

@@ -75,7 +75,7 @@ def enabled_nodes(tree: Tree) -> list[Node]:
 
 
 def _walk_enabled(node: Node) -> Iterator[Node]:
-    if not node.enabled:
+    if not node.enabled or node.is_note or node.path == "/aliases":  # the names there are nobody's properties
         return
     if on_bus(node) and "compatible" not in node.properties:
         return

@@ -9,6 +9,7 @@ from functools import cached_property
 from pathlib import Path
 
 CELL = 4
+NOTES = ("__symbols__", "__fixups__", "__local_fixups__")  # of dtc at the root, for overlays: no devices
 
 
 @dataclass(frozen=True, order=True)
@@ -106,11 +107,16 @@ class Node:
             return self.properties[name].place
         return self.places[-1] if self.places else None
 
+    @property
+    def is_note(self) -> bool:
+        return self.name in NOTES and self.parent is not None and self.parent.parent is None
+
     def walk(self) -> Iterator[Node]:
-        """This node and all below it, in file order."""
+        """This node and all below it, in file order, but for dtc's notes."""
         yield self
         for child in self.children:
-            yield from child.walk()
+            if not child.is_note:
+                yield from child.walk()
 
 
 @dataclass

@@ -7,7 +7,7 @@ import difflib
 import itertools
 from collections.abc import Iterator
 
-from nuc980.pins.chip import Peripheral
+from nuc980.pins.chip import AIC, Peripheral
 from nuc980.pins.claims import BUSES, on_bus
 from nuc980.pins.findings import Claimant, Finding, at
 from nuc980.pins.rules.context import Context, grouped, listed, rule
@@ -119,6 +119,8 @@ def outside_bus(context: Context) -> Iterator[Finding]:
         if peripheral.address is None or parent.name == peripheral.bus:
             continue
         if parent is not context.tree.root and parent.name not in buses:  # a board's own name for a bus
+            continue
+        if peripheral.label == AIC and parent is context.tree.root:  # the kernel finds it by compatible alone
             continue
         yield Finding(
             "outside-bus",

@@ -6,6 +6,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 
+from nuc980.pins.chip import AIC
 from nuc980.pins.claims import (
     MalformedError,
     gpio_specifiers,
@@ -102,7 +103,7 @@ def wrong_trigger(context: Context) -> Iterator[Finding]:
 
 def _is_aic(context: Context, controller: Node) -> bool:
     peripheral = context.peripherals.get(controller)
-    return peripheral is not None and peripheral.label == "aic"
+    return peripheral is not None and peripheral.label == AIC
 
 
 @rule(
