@@ -99,6 +99,53 @@ BOOT_MUTATIONS = [
         also=("boot-writable",),
     ),
     mistake(
+        "partition-missing",
+        "a root of another name",
+        '&rootfs { label = "user"; };',
+        "fmi has no partition called rootfs (0x1600000)",
+    ),
+    mistake(
+        "partition-missing",
+        "none at all",
+        "&fmi { /delete-node/ partitions; };",
+        "kernel (0x200000) or device-tree (0x700000) or rootfs (0x1600000)",
+    ),
+    mistake("too-little-memory", "no unit", chosen('bootargs = "mem=64";'), "mem=64, which is 64 bytes"),
+    mistake(
+        "untyped-memory",
+        "no device_type",
+        "/ { memory@0 { /delete-property/ device_type; }; };",
+        '/memory@0 has no device_type = "memory"',
+    ),
+    mistake(
+        "reserved-unread",
+        "a region alone",
+        root("reserved-memory { log@3f00000 { reg = <0x3f00000 0x10000>; no-map; }; };"),
+        "has no #address-cells = <1>, #size-cells = <1> and an empty ranges",
+    ),
+    mistake(
+        "partitions-unread",
+        "no compatible",
+        "&fmi { partitions { /delete-property/ compatible; }; };",
+        "/partitions has 5 partitions, and no compatible",
+    ),
+    mistake(
+        "unknown-partition",
+        "UBI on a label that is cut",
+        chosen('bootargs = "ubi.mtd=rootf,2048 root=ubi0:rootfs";'),
+        "ubi.mtd=rootf,2048; the partitions are u-boot, kernel, device-tree, spare and rootfs",
+    ),
+    mistake(
+        "unknown-partition", "a number too great", chosen('bootargs = "root=/dev/mtdblock5";'), "mtdblock5"
+    ),
+    mistake(
+        "bad-block-table",
+        "of the vendor's tree",
+        "&fmi { nand-on-flash-bbt; };",
+        "fmi has nand-on-flash-bbt",
+        "Delete nand-on-flash-bbt",
+    ),
+    mistake(
         "too-much-memory",
         "memory node",
         "/ { memory@0 { reg = <0x0 0x8000000>; }; };",
@@ -191,6 +238,8 @@ RIGHT = {
         "reserved-memory { #address-cells = <1>; #size-cells = <1>; ranges;"
         " log@3ff0000 { reg = <0x3ff0000 0x10000>; no-map; }; };"
     ),
+    "partitions that are there": chosen('bootargs = "ubi.mtd=rootfs ubi.mtd=3,2048 root=/dev/mtdblock4";'),
+    "partitions of the command line": chosen('bootargs = "mtdparts=nand0:1m(a) ubi.mtd=a";'),
     "no console named": root("chosen { /delete-property/ stdout-path; };"),
     "other aliases": root("aliases { serial4 = &uart4; spi1 = &spi0; };"),
     "kernel in two": "&tree { reg = <0x700000 0x100000>; }; &spare { reg = <0x800000 0x20000>; };",

@@ -4,8 +4,40 @@
 from mutation import FMI_OFF, I2C0, OFF, QSPI0, SPI1, UART3_OFF, UART6_OFF, Mutation, led, on, root, spi_bus
 from trees import device
 
+PWM0 = device("pwm0", {"PWM00": "PG0"}) + "&pwm0 { #pwm-cells = <2>; };"
+
+
+def fan(channel: int) -> str:
+    return PWM0 + root(f'fan {{ compatible = "pwm-fan"; pwms = <&pwm0 {channel} 1000000>; }};')
+
+
 # Against the chip.
 DEVICE_MUTATIONS = [
+    Mutation(
+        "missing-property",
+        "a lamp without a line",
+        root('lamps { compatible = "gpio-leds"; red { label = "red"; }; };'),
+        ("/lamps/red has no gpios or gpio",),
+    ),
+    Mutation(
+        "missing-property",
+        "a key without a code",
+        root('buttons { compatible = "gpio-keys"; reset { gpios = <&gpio 6 1>; }; };'),
+        ("/buttons/reset has no linux,code", "Set linux,code"),
+    ),
+    Mutation(
+        "hog-without-direction",
+        "neither in nor out",
+        '&gpio { power-hog { gpio-hog; gpios = <6 0>; line-name = "power"; }; };',
+        ("has none of input, output-low, output-high",),
+    ),
+    Mutation(
+        "pwm-without-pin",
+        "a channel that is not in the group",
+        fan(2),
+        ("/fan uses channel 2 of pwm0, which has no pin", "Add PWM02"),
+    ),
+    Mutation("pwm-without-pin", "a fifth channel", fan(4), ("pwm0, which has the channels 0, 1, 2, 3",)),
     Mutation(
         "wrong-address",
         "another UART's",
@@ -199,7 +231,9 @@ DEVICE_MUTATIONS = [
     Mutation(
         "controller-off",
         "expander on a bus that is off",
-        root('k { compatible = "gpio-keys"; b { interrupts-extended = <&expander 1 1>; }; };')
+        root(
+            'k { compatible = "gpio-keys"; b { linux,code = <2>; interrupts-extended = <&expander 1 1>; }; };'
+        )
         + '&i2c3 { expander: e@20 { compatible = "nxp,pca9555"; reg = <0x20>; interrupt-controller;'
         " #interrupt-cells = <2>; }; };",
         ("/k/b",),

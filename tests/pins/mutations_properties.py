@@ -146,6 +146,27 @@ PROPERTY_MUTATIONS = [
         on("emac0", "local-mac-address = [01 23 45 67 89 ab];"),
         ("01:23:45:67:89:ab, the address of a group",),
     ),
+    Mutation(
+        "wrong-unit",
+        "a bus in kHz",
+        I2C_BUS + "&i2c0 { bus_freq = <100>; };",
+        ("bus_freq of i2c0 is 100 Hz; it was probably written in kHz", "<100000>"),
+    ),
+    Mutation(
+        "wrong-unit",
+        "a supply in millivolts",
+        root(
+            'supply { compatible = "regulator-fixed"; regulator-name = "3V3";'
+            " regulator-min-microvolt = <3300>; regulator-max-microvolt = <3300000>; };"
+        ),
+        ("3300 microvolts; it was probably written in millivolts",),
+    ),
+    Mutation(
+        "unknown-property",
+        "the beginning of a name",
+        spi_bus() + chip("spi0", "radio@0", "reg = <0>; spi-max-freq = <1000000>;"),
+        ("it probably means spi-max-frequency",),
+    ),
     Mutation("bad-mac", "five bytes", on("emac1", "mac-address = [02 00 00 00 01];"), ("not six bytes",)),
     Mutation(
         "bad-mac",

@@ -157,7 +157,7 @@ QUIET = {
     + """&i2c0 { e: e@20 { compatible = "nxp,pca9555"; reg = <0x20>; gpio-controller; #gpio-cells = <2>;
       interrupt-controller; #interrupt-cells = <2>; interrupt-parent = <&gpio>; interrupts = <6 2>; }; };
     / { k { compatible = "gpio-keys";
-      b { interrupt-parent = <&e>; interrupts = <9 1>; gpios = <&e 3 0>; }; }; };""",
+      b { linux,code = <2>; interrupt-parent = <&e>; interrupts = <9 1>; gpios = <&e 3 0>; }; }; };""",
     "what the specification knows besides okay": '&uart5 { status = "fail-fuse"; };'
     '&wwdt { status = "reserved"; };',
     "two supplies that one line switches": "/ { "

@@ -23,7 +23,11 @@ MORE = {
     "aic": "interrupt-controller; #interrupt-cells = <3>;",
     "gpio": "gpio-controller; #gpio-cells = <2>; interrupt-controller; #interrupt-cells = <2>;",
     "pinctrl": "",
-    "fmi": 'nand-ecc-mode = "hw_oob_first"; nand-ecc-strength = <8>; nand-ecc-step-size = <512>;',
+    "fmi": """nand-ecc-mode = "hw_oob_first"; nand-ecc-strength = <8>; nand-ecc-step-size = <512>;
+            partitions { compatible = "fixed-partitions"; #address-cells = <1>; #size-cells = <1>;
+                partition@200000 { label = "kernel"; reg = <0x200000 0x500000>; };
+                partition@700000 { label = "device-tree"; reg = <0x700000 0x100000>; };
+                partition@1600000 { label = "rootfs"; reg = <0x1600000 0x6480000>; }; };""",
 }
 ALWAYS_ON = ("aic", "pinctrl", "gpio")
 
@@ -85,8 +89,8 @@ def _node(peripheral: Peripheral) -> str:
     for name, value in peripheral.properties.items():
         cells = value if isinstance(value, list) else [value]
         lines.append(f"{name} = <{' '.join(map(str, cells))}>;")
-    lines.append(MORE.get(peripheral.label, ""))
     lines.append(f"status = {_quoted('okay' if peripheral.label in ALWAYS_ON else 'disabled')};")
+    lines.append(MORE.get(peripheral.label, ""))
     inner = "\n".join(f"            {line}" for line in lines if line)
     return f"        {peripheral.label}: {peripheral.full_node} {{\n{inner}\n        }};"
 

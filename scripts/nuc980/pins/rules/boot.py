@@ -17,12 +17,7 @@ CONSOLE_WORD = re.compile(r"console=(?P<tty>[A-Za-z]+\d*)(?:,.*)?")
 SERIAL = re.compile(r"serial(\d+)")
 ETHERNET = re.compile(r"ethernet(\d+)")
 MAC = ("mac-address", "local-mac-address")
-
-
-def _words(context: Context) -> list[str]:
-    """The kernel's command line."""
-    chosen = context.tree.find("/chosen")
-    return " ".join(chosen.strings("bootargs")).split() if chosen else []
+LEAST_MEMORY = 8 << 20
 
 
 # ---- memory --------------------------------------------------------------------------------------
@@ -46,7 +41,7 @@ def _memory(context: Context) -> list[Told]:
         for start, size in _pairs(node)
     ]
     chosen = context.tree.find("/chosen")
-    for word in _words(context):
+    for word in context.command_line:
         told = MEMORY_WORD.fullmatch(word)
         if told and chosen:
             size = int(told["size"], 0) << UNITS[told["unit"].lower()]
@@ -98,6 +93,61 @@ def reserved_outside(context: Context) -> Iterator[Finding]:
                 )
 
 
+@rule(
+    "too-little-memory",
+    "The tree tells the kernel of less memory than any kernel needs.",
+    "A size on the command line without its unit is in bytes. The kernel dies before its first message.",
+)
+def too_little_memory(context: Context) -> Iterator[Finding]:
+    for told in _memory(context):
+        if told.end < LEAST_MEMORY:
+            yield Finding(
+                "too-little-memory",
+                **at(told.node, told.property),
+                message=f"{told.text}, which is {told.end} bytes",
+                remedy="Write the size in bytes, or on the command line with its unit, as in mem=64M",
+            )
+
+
+@rule(
+    "untyped-memory",
+    "A memory node does not say that it is one.",
+    'The kernel takes its memory from nodes with device_type = "memory" alone. It finds none, and dies '
+    "before its first message, unless the boot loader writes what is missing.",
+)
+def untyped_memory(context: Context) -> Iterator[Finding]:
+    for node in context.tree.root:
+        if node.enabled and node.base_name == "memory" and node.strings("device_type") != ["memory"]:
+            yield Finding(
+                "untyped-memory",
+                **at(node, "device_type"),
+                message=f'{node.path} has no device_type = "memory"',
+                remedy=f'Set device_type = "memory" in {node.path}',
+            )
+
+
+@rule(
+    "reserved-unread",
+    "The node of reserved regions is not written as the kernel reads it.",
+    "The kernel wants ranges, and #address-cells and #size-cells as the root has them. Else it reserves "
+    "nothing, and uses the regions as any memory.",
+)
+def reserved_unread(context: Context) -> Iterator[Finding]:
+    node = context.tree.find("/reserved-memory")
+    if node is None or not any(child.enabled for child in node):
+        return
+    wanted = {name: context.tree.root.cells(name) or [1] for name in ("#address-cells", "#size-cells")}
+    lacks = [f"{name} = <{cells[0]}>" for name, cells in wanted.items() if node.cells(name) != cells]
+    lacks += [] if "ranges" in node.properties else ["an empty ranges"]
+    if lacks:
+        yield Finding(
+            "reserved-unread",
+            **at(node),
+            message=f"{node.path} has no {listed(lacks)}",
+            remedy=f"Add {listed(lacks)} to {node.path}",
+        )
+
+
 # ---- console -------------------------------------------------------------------------------------
 
 
@@ -126,7 +176,7 @@ def _consoles(context: Context) -> Iterator[tuple[str, str, Node | None, str]]:
         port, fault = _by_path(context, value.partition(":")[0])
         yield "stdout-path", f'stdout-path = "{value}"', port, fault
     # Of several, the last is /dev/console.
-    for word in [found for word in _words(context) if (found := CONSOLE_WORD.fullmatch(word))][-1:]:
+    for word in [found for word in context.command_line if (found := CONSOLE_WORD.fullmatch(word))][-1:]:
         tty = word["tty"]
         if tty.startswith("ttyS"):
             port = _port(context, tty.removeprefix("ttyS"))
@@ -246,4 +296,13 @@ def bad_mac(context: Context) -> Iterator[Finding]:
             )
 
 
-RULES = (too_much_memory, reserved_outside, wrong_console, wrong_alias, bad_mac)
+RULES = (
+    too_much_memory,
+    too_little_memory,
+    untyped_memory,
+    reserved_outside,
+    reserved_unread,
+    wrong_console,
+    wrong_alias,
+    bad_mac,
+)

@@ -101,6 +101,12 @@ class Context:
         """All pin groups, used or not."""
         return [group for function in self.pinctrl or () for group in function]
 
+    @cached_property
+    def command_line(self) -> list[str]:
+        """The kernel's, word by word, as far as the tree has one."""
+        chosen = self.tree.find("/chosen")
+        return " ".join(chosen.strings("bootargs")).split() if chosen else []
+
     def muxed(self, node: Node) -> list[Claim]:
         return [claim for claim in self.claims_of.get(node, ()) if claim.muxed]
 

@@ -11,6 +11,7 @@ from nuc980.pins.findings import Claimant, Finding, at
 from nuc980.pins.rules.context import Context, grouped, listed, rule
 from nuc980.pins.rules.identity import NUMBERS, has_driver_name
 
+DIRECTIONS = ("input", "output-low", "output-high")
 STATUS = re.compile(r"okay|ok|disabled|reserved|fail(-.*)?")
 # Compatible string: what the driver gives up without, or, port-number of a smart card and bus_freq of an
 # I2C bus, what it goes on without: with an index that nobody set, and a division by zero.
@@ -21,6 +22,13 @@ NEEDED = {
     "nuvoton,nuc980-timer": ("port-number",),
     "nuvoton,nuc980-ehci": ("ov_active",),
     **{f"nuvoton,nuc980-i2c{number}": ("bus_freq",) for number in range(4)},
+}
+
+
+# Compatible string: of what each child needs one.
+PARTS = {
+    "gpio-leds": (("gpios", "gpio"),),
+    "gpio-keys": (("linux,code",), ("gpios", "gpio", "interrupts", "interrupts-extended")),
 }
 
 
@@ -152,9 +160,11 @@ def _is_uart(peripheral: Peripheral) -> bool:
     "A device lacks a property that its driver needs.",
     "A UART without port-number, map-addr or pdma-enable does not probe; the driver reports a missing "
     "pdma-enable as a missing map-addr. Without bus_freq the I2C driver divides by zero. An I2C or SPI bus "
-    "without #address-cells gives its devices no address that dtc checks.",
+    "without #address-cells gives its devices no address that dtc checks. With one lamp without a line, or "
+    "one key without a code, the driver gives up all of them.",
 )
 def missing_property(context: Context) -> Iterator[Finding]:
+    yield from _lamps_and_keys(context)
     for node, peripheral in context.devices.items():
         needed = {
             name: value
@@ -174,8 +184,40 @@ def missing_property(context: Context) -> Iterator[Finding]:
             )
 
 
+def _lamps_and_keys(context: Context) -> Iterator[Finding]:
+    """Each is a child of one node: with one that lacks something none of them is there."""
+    for parent in context.enabled:
+        for kind, needed in PARTS.items():
+            for node in parent if kind in parent.strings("compatible") else ():
+                lacks = [names for names in needed if not set(names) & node.properties.keys()]
+                if node.enabled and lacks:
+                    yield Finding(
+                        "missing-property",
+                        **at(node),
+                        message=f"{node.path} has no {listed(' or '.join(names) for names in lacks)}",
+                        remedy=f"Set {listed(names[0] for names in lacks)} in {node.path}",
+                    )
+
+
 def _number(value: int) -> str:
     return f"{value:#x}" if value > 9 else str(value)
+
+
+@rule(
+    "hog-without-direction",
+    "A GPIO line that the kernel shall hold has no direction.",
+    "The kernel leaves it as it is, and says so in the log alone: an output that switches something on stays "
+    "an input.",
+)
+def hog_without_direction(context: Context) -> Iterator[Finding]:
+    for node in context.enabled:
+        if "gpio-hog" in node.properties and not any(name in node.properties for name in DIRECTIONS):
+            yield Finding(
+                "hog-without-direction",
+                **at(node, "gpio-hog"),
+                message=f"{context.name(node)} has none of {', '.join(DIRECTIONS)}",
+                remedy=f"Add one of {', '.join(DIRECTIONS)} to {context.name(node)}",
+            )
 
 
 RULES = (
@@ -185,4 +227,5 @@ RULES = (
     bus_num_twice,
     pdma_without_dma,
     missing_property,
+    hog_without_direction,
 )

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,6 +17,11 @@ from nuc980.pins.tree import Node
 CONTAINER = "fixed-partitions"
 OLD_STYLE = "partition"  # the name of partitions that are in the flash's node itself
 ECC = {"nand-ecc-mode": '"hw_oob_first"', "nand-ecc-strength": "<8>", "nand-ecc-step-size": "<512>"}
+BBT = "nand-on-flash-bbt"
+# A UBI device by its partition's label or number, and a root that is a partition.
+PARTITION_WORD = re.compile(
+    r"ubi\.mtd=(?:(?P<number>\d+)|(?P<name>[^/,][^,]*))(?:,.*)?|root=/dev/mtdblock(?P<block>\d+)"
+)
 QUAD = ("QSPI0_MOSI1", "QSPI0_MISO1")  # data lines 2 and 3
 
 
@@ -164,6 +170,28 @@ def partition_moved(context: Context) -> Iterator[Finding]:
 
 
 @rule(
+    "partition-missing",
+    "The flash has no partition of a name that the image, or whoever writes it, looks for.",
+    "Nobody finds the place by its label: a root file system is not mounted, an update has nowhere to go.",
+)
+def partition_missing(context: Context) -> Iterator[Finding]:
+    board = context.board
+    if board is None or board.limits is None:
+        return
+    has = [one.label.casefold() for _, one in _boards_partitions(context)]
+    areas = filter(None, (board.limits.kernel, board.limits.device_tree, board.limits.root))
+    lacks = [area for area in areas if area.label not in has]
+    for node in [node for node, one in context.devices.items() if one.label == board.flash and lacks]:
+        yield Finding(
+            "partition-missing",
+            **at(node),
+            message=f"{context.name(node)} has no partition called "
+            + " or ".join(f"{area.label} ({area.offset:#x})" for area in lacks),
+            remedy=f"Add the partitions, or correct {board.limits.file.name}",
+        )
+
+
+@rule(
     "boot-writable",
     "A partition lets Linux overwrite the boot loader.",
     "After one mistyped flash_erase the board starts only from USB, if its boot straps can be reached at "
@@ -178,6 +206,66 @@ def boot_writable(context: Context) -> Iterator[Finding]:
                 message=f"the partition {one} is writable and contains the boot loader, which ends at "
                 f"{limits.boot.end:#x}",
                 remedy=f"Add read-only; to {one.label}, or begin it at {limits.boot.end:#x}",
+            )
+
+
+@rule(
+    "partitions-unread",
+    "Partitions are in a node that the kernel does not read.",
+    "Linux takes partitions from a node that is compatible with fixed-partitions. Without that the flash is "
+    "one piece, and what is looked for by its label is not there.",
+)
+def partitions_unread(context: Context) -> Iterator[Finding]:
+    for node in context.enabled:
+        parts = [child for child in node if child.cells("reg") and "label" in child.properties]
+        if node.name == "partitions" and parts and not node.strings("compatible"):
+            yield Finding(
+                "partitions-unread",
+                **at(node),
+                message=f"{node.path} has {len(parts)} partition{'s' * (len(parts) > 1)}, and no compatible",
+                remedy=f'Set compatible = "{CONTAINER}" in {node.path}',
+            )
+
+
+@rule(
+    "unknown-partition",
+    "The command line names a partition that the flash does not have.",
+    "The kernel waits for its root file system, or panics: the board does not come up.",
+)
+def unknown_partition(context: Context) -> Iterator[Finding]:
+    labels = [one.label for _, partitions in _tables(context) for one in partitions]
+    if not labels or any(word.startswith("mtdparts=") for word in context.command_line):
+        return
+    for word in context.command_line:
+        told = PARTITION_WORD.fullmatch(word)
+        if not told:
+            continue
+        number, name = told["number"] or told["block"], told["name"]
+        if (number and int(number) < len(labels)) or name in labels:
+            continue
+        yield Finding(
+            "unknown-partition",
+            **at(context.tree.find("/chosen"), "bootargs"),
+            message=f"the command line has {word}; the partitions are {listed(labels)}",
+            remedy=f"Name one of {', '.join(labels)}",
+        )
+
+
+@rule(
+    "bad-block-table",
+    "The kernel is to keep a table of bad blocks in the board's flash.",
+    "A kernel that finds no table erases the last four blocks of the chip for it. What the factory's "
+    "software has there, such as the end of its UBI, is destroyed by the first boot.",
+)
+def bad_block_table(context: Context) -> Iterator[Finding]:
+    flash = context.board.flash if context.board else None
+    for node, peripheral in context.devices.items():
+        if peripheral.label == flash and BBT in node.properties:
+            yield Finding(
+                "bad-block-table",
+                **at(node, BBT),
+                message=f"{context.name(node)} has {BBT}",
+                remedy=f"Delete {BBT}: without it the kernel reads the marks in the blocks",
             )
 
 
@@ -231,7 +319,11 @@ RULES = (
     partition_label_twice,
     partition_bounds,
     partition_moved,
+    partition_missing,
     boot_writable,
+    partitions_unread,
+    unknown_partition,
+    bad_block_table,
     no_ecc,
     quad_without_lines,
 )

@@ -6,6 +6,7 @@ from __future__ import annotations
 import functools
 import re
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import yaml
@@ -17,22 +18,20 @@ from nuc980.pins.tree import Node
 
 KNOWN_FILE = Path(__file__).parents[1] / "properties.yml"
 SHORTEST = 5  # letters: of shorter ones too many are one letter away
+CUT_LEAST = 9
 NUMBERED = re.compile(r"pinctrl-\d+|eint\d-config")
 ENDINGS = ("gpios", "gpio", "supply")  # alone, or behind what a driver calls the line
-FREE = ("/aliases", "/__symbols__", "/__fixups__", "/__local_fixups__")  # nodes whose names are the author's
 
 
 @rule(
     "unknown-property",
-    "The name of a property differs by one letter from a known one.",
+    "The name of a property differs by one letter from a known one, or is the beginning of one.",
     "Nothing reads it, and nothing reports it. With pinctl-0 a port keeps the pins that U-Boot set; with "
     "read-onyl Linux may erase the boot loader.",
 )
 def unknown_property(context: Context) -> Iterator[Finding]:
     known = known_properties(context.chip)
     for node in context.enabled:
-        if node.path.startswith(FREE):
-            continue
         for name in node.properties:
             meant = _meant(name, known)
             if meant:
@@ -65,7 +64,12 @@ def _meant(name: str, known: frozenset[str]) -> str | None:
         if last.isalpha() and is_one_off(last, ending):
             return f"{first}-{ending}"
     words = [word for word in (*sorted(known), "pinctrl-0", "pinctrl-1") if len(word) >= SHORTEST]
-    return next((word for word in words if is_one_off(name, word)), None)
+    return next((word for word in words if is_one_off(name, word) or _is_cut(name, word)), None)
+
+
+def _is_cut(written: str, meant: str) -> bool:
+    """As spi-max-freq is spi-max-frequency."""
+    return len(written) >= CUT_LEAST and "-" in written and meant.startswith(written) and meant != written
 
 
 def is_one_off(written: str, meant: str) -> bool:
@@ -136,4 +140,41 @@ def _reference_fault(context: Context, node: Node, name: str, size: str) -> str 
     return None
 
 
-RULES = (unknown_property, wrong_reference)
+@dataclass(frozen=True)
+class Unit:
+    """What a property's value is in, and of what it is taken for if it is this small."""
+
+    name: str
+    least: int
+    mistaken: str
+
+
+UNITS = {
+    "bus_freq": Unit("Hz", 5_000, "kHz"),
+    "spi-max-frequency": Unit("Hz", 5_000, "kHz"),
+    "regulator-min-microvolt": Unit("microvolts", 50_000, "millivolts"),
+    "regulator-max-microvolt": Unit("microvolts", 50_000, "millivolts"),
+}
+
+
+@rule(
+    "wrong-unit",
+    "A value is so small that it was probably written in another unit.",
+    "Nothing compares it with what the device can do: a bus is a thousand times too slow, and a supply is "
+    "told as a thousandth of what it is.",
+)
+def wrong_unit(context: Context) -> Iterator[Finding]:
+    for node in context.enabled:
+        for name, unit in UNITS.items():
+            for value in node.cells(name)[:1]:
+                if 0 < value < unit.least:
+                    yield Finding(
+                        "wrong-unit",
+                        **at(node, name),
+                        message=f"{name} of {context.name(node)} is {value} {unit.name}; it was probably "
+                        f"written in {unit.mistaken}",
+                        remedy=f"Write {name} in {unit.name}: <{1000 * value}>",
+                    )
+
+
+RULES = (unknown_property, wrong_reference, wrong_unit)

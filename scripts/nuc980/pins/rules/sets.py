@@ -267,4 +267,41 @@ def _numbered(pins: tuple[str, ...]) -> str:
     return ", ".join(f"{index} {pin}" for index, pin in enumerate(pins))
 
 
-RULES = (no_pins, incomplete_set, half_set, no_rts, eint)
+def _pwms(context: Context) -> Iterator[tuple[Node, Node, int]]:
+    """Who uses a channel, its controller, its number."""
+    for node in context.enabled:
+        cells = list(node.cells("pwms"))
+        while len(cells) > 1:
+            controller = context.tree.by_phandle.get(cells.pop(0))
+            if controller is None or controller not in context.devices:
+                break
+            yield node, controller, cells[0]
+            del cells[: next(iter(controller.cells("#pwm-cells")), 0)]
+
+
+@rule(
+    "pwm-without-pin",
+    "A node uses a PWM channel that has no pin, or that does not exist.",
+    "The channel runs inside the chip. The lamp stays dark, the fan stands still, and nothing is reported.",
+)
+def pwm_without_pin(context: Context) -> Iterator[Finding]:
+    for node, controller, channel in _pwms(context):
+        for prefix, needed in context.devices[controller].signals.items():
+            has = [claim.signal for claim in context.working_claims(controller)]
+            signal = f"{prefix}{channel}"
+            if signal in has or not context.is_readable(controller):
+                continue
+            exists = str(channel) in needed.some
+            yield Finding(
+                "pwm-without-pin",
+                **at(node, "pwms"),
+                message=f"{context.name(node)} uses channel {channel} of {context.name(controller)}, which "
+                + ("has no pin" if exists else f"has the channels {', '.join(needed.some)}"),
+                remedy=f"Add {signal} to the group of {context.name(controller)}: "
+                f"{places_of_signal(context.chip, signal)}"
+                if exists
+                else f"Use one of the channels of {context.name(controller)}",
+            )
+
+
+RULES = (no_pins, incomplete_set, half_set, no_rts, pwm_without_pin, eint)
