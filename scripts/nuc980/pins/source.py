@@ -145,16 +145,19 @@ def _annotate(tree: Tree, annotated: str) -> None:
     """Gives the nodes and properties their places and labels from the output of dtc -T -T."""
     here = Path.cwd()
     open_nodes: list[Node | None] = []
+    children: list[dict[str, Node]] = []  # of each, by name
     for text, places in _annotated_lines(annotated, here):
         if text.endswith("{"):
             *labels, name = text[:-1].split()
-            node = _child(open_nodes[-1], name) if open_nodes else tree.root
+            node = children[-1].get(name) if open_nodes else tree.root
             open_nodes.append(node)
+            children.append({child.name: child for child in node or ()})
             if node:
                 node.places = places
                 node.labels = tuple(label.rstrip(":") for label in labels)
         elif text == "};":
             open_nodes.pop()
+            children.pop()
         elif places and open_nodes and open_nodes[-1]:
             _set_place(open_nodes[-1], text, places[-1])
 
@@ -181,7 +184,3 @@ def _shown(name: str, here: Path) -> str:
     """A file as seen from the current folder, where that is above: what an editor can follow."""
     file = Path(name)
     return str(file.relative_to(here) if file.is_absolute() and file.is_relative_to(here) else file)
-
-
-def _child(node: Node | None, name: str) -> Node | None:
-    return next((child for child in node or () if child.name == name), None)

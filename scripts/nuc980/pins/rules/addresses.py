@@ -172,9 +172,9 @@ def _is_usb_host(peripheral: Peripheral | None) -> bool:
     "of 0x2000 bytes, ttyS1 takes the registers of ttyS2, and ttyS2 is missing.",
 )
 def reg_overlap(context: Context) -> Iterator[Finding]:
-    for first, second in itertools.combinations(sorted(_located(context), key=address_of), 2):
+    for first, second in _overlapping(sorted(_located(context), key=address_of)):
         start, end = address_of(second), address_of(first) + _size_of(first)
-        if address_of(first) == start or end <= start:  # the same address: address-twice
+        if address_of(first) == start:  # address-twice
             continue
         wrong = next((node for node in (first, second) if not _has_own_size(context, node)), first)
         peripheral = context.peripherals.get(wrong)
@@ -192,6 +192,15 @@ def reg_overlap(context: Context) -> Iterator[Finding]:
                 for node in (first, second)
             ),
         )
+
+
+def _overlapping(nodes: list[Node]) -> Iterator[tuple[Node, Node]]:
+    """Of nodes by address, each with those that begin before it ends."""
+    for place, first in enumerate(nodes):
+        end = address_of(first) + _size_of(first)
+        behind = itertools.islice(nodes, place + 1, None)
+        for second in itertools.takewhile(lambda node, end=end: address_of(node) < end, behind):
+            yield first, second
 
 
 def _size_of(node: Node) -> int:
