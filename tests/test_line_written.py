@@ -150,6 +150,7 @@ def test_nothing_is_open_or_answers_in_a_process_that_was_stopped(running: Subst
         (row,) = gateway.query("lines")
         return row["open"], row["devices"][0]["alive"]
 
+    running.lines.fault(DEVICE, "clear")
     gateway.wait_for(lambda: shown() == (True, True), WAIT_S, "the device answers")
     gateway.ctl("module", line, "stop")
     assert shown() == (False, False)
