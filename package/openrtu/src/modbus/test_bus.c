@@ -409,10 +409,12 @@ static void slave_takes(struct slave *slave, const struct modbus_request *reques
 		start += slave->late_ns;
 	}
 	slave->free_ns = start + (int64_t)length * bus.line.wire.char_ns;
-	if (is_text())
-		put_on_wire(start, text, as_text(frame, length, text) - (slave->endless ? 2 : 0));
-	else
+	if (is_text()) {
+		length = as_text(frame, length, text);
+		put_on_wire(start, text, length - (slave->endless ? 2 : 0));
+	} else {
 		put_on_wire(start, frame, length);
+	}
 	note_answer(slave->free_ns);
 }
 
