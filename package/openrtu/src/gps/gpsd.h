@@ -15,6 +15,7 @@
 #define GPSD_LINE_MAX 40960 /* four times GPS_JSON_RESPONSE_MAX: what gpsd 3.27 writes at most */
 
 #define GPSD_DEVICE_SIZE 128 /* GPS_PATH_MAX of gpsd */
+#define GPSD_OTHER_NS    (10 * NS_PER_S)
 
 struct gpsd_reader {
 	const char *wanted;            /* the receiver, as gpsd names it; empty: the first with a fix */
@@ -38,7 +39,6 @@ struct gpsd_reader {
  * Of several receivers one counts, so that a place does not go to and fro: unless one is wanted, another one takes over that has a
  * fix when this one has had none for GPSD_OTHER_NS.
  */
-#define GPSD_OTHER_NS (10 * NS_PER_S)
 void gpsd_reader_init(struct gpsd_reader *reader, const char *wanted, int32_t built_days);
 
 /* As gps_receiver_take: up to the first TPV. A line that is no JSON is counted as damaged, another class as unknown. */

@@ -18,7 +18,6 @@
 #define MODBUS_ASCII_GAPS_NS     5000000000LL /* all of a frame's together: who pauses has the line */
 
 enum modbus_ascii_state {
-	MODBUS_ASCII_NOTHING, /* nothing has begun */
 	MODBUS_ASCII_BEGUN,
 	MODBUS_ASCII_SOUND,   /* this was its end; body has it */
 	MODBUS_ASCII_GARBLED, /* its LRC is wrong */

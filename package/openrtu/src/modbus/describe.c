@@ -113,19 +113,30 @@ static bool is_single(uint8_t function)
 	       function == MODBUS_MASK_WRITE_REGISTER;
 }
 
+static void say_objects(struct words *words, const uint8_t *body)
+{
+	if (is_single(body[1]))
+		say_single(words, body);
+	else
+		say_range(words, body);
+}
+
+/* Of unit, function and what say_objects says, in octets. */
+static size_t fixed_length(uint8_t function)
+{
+	return HEAD + (function == MODBUS_MASK_WRITE_REGISTER ? 6u : 4u);
+}
+
 static void say_request(struct words *words, const uint8_t *body, size_t length)
 {
-	const size_t fixed = HEAD + (body[1] == MODBUS_MASK_WRITE_REGISTER ? 6u : 4u);
+	const size_t fixed = fixed_length(body[1]);
 
 	if (!is_known(body[1]) || length < fixed) {
 		say(words, "function %u, %zu octet%s", body[1], length - HEAD, plural(length - HEAD));
 		return;
 	}
 	say(words, modbus_is_read(body[1]) ? "read " : "write ");
-	if (is_single(body[1]))
-		say_single(words, body);
-	else
-		say_range(words, body);
+	say_objects(words, body);
 	if (body[1] == MODBUS_WRITE_REGISTERS && length > fixed) {
 		say(words, ":");
 		say_registers(words, body + fixed + 1, length - fixed - 1);
@@ -148,7 +159,7 @@ static void say_values(struct words *words, const uint8_t *body, size_t length)
 
 static void say_answer(struct words *words, const uint8_t *body, size_t length)
 {
-	const size_t fixed = HEAD + (body[1] == MODBUS_MASK_WRITE_REGISTER ? 6u : 4u);
+	const size_t fixed = fixed_length(body[1]);
 
 	if ((body[1] & MODBUS_EXCEPTION_BIT) && length == COUNT_NOTE)
 		say(words, "exception %u%s, to function %u", body[2], exception_name(body[2]),
@@ -157,10 +168,7 @@ static void say_answer(struct words *words, const uint8_t *body, size_t length)
 		say_values(words, body, length);
 	else if (is_known(body[1]) && !modbus_is_read(body[1]) && length == fixed) {
 		say(words, "has written ");
-		if (is_single(body[1]))
-			say_single(words, body);
-		else
-			say_range(words, body);
+		say_objects(words, body);
 	} else {
 		say(words, "function %u, %zu octet%s", body[1], length - HEAD, plural(length - HEAD));
 	}
@@ -169,7 +177,7 @@ static void say_answer(struct words *words, const uint8_t *body, size_t length)
 /* The text is one frame, from its beginning to its end. */
 static const uint8_t *find_body_in_text(struct modbus_ascii *ascii, const uint8_t *text, size_t *length)
 {
-	enum modbus_ascii_state state = MODBUS_ASCII_NOTHING;
+	enum modbus_ascii_state state = MODBUS_ASCII_NOISE;
 
 	for (size_t i = 0; i < *length; i++) {
 		state = modbus_ascii_take(ascii, text[i]);

@@ -132,7 +132,7 @@ static bool is_text(void)
 
 static enum modbus_ascii_state read_text(const struct modbus_output *output, struct modbus_ascii *ascii)
 {
-	enum modbus_ascii_state state = MODBUS_ASCII_NOTHING;
+	enum modbus_ascii_state state = MODBUS_ASCII_NOISE;
 
 	for (size_t i = 0; i < output->length; i++)
 		state = modbus_ascii_take(ascii, output->frame[i]);

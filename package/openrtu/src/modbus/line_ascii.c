@@ -43,7 +43,6 @@ static void take_character(struct modbus_line *line, uint8_t character, int64_t 
 	case MODBUS_ASCII_GARBLED:
 		take_frame(line, false, now_ns);
 		return;
-	case MODBUS_ASCII_NOTHING:
 	case MODBUS_ASCII_NOISE:
 		abandon(line, before + 1);
 		return;

@@ -12,7 +12,7 @@
 
 static enum modbus_ascii_state take(struct modbus_ascii *ascii, const char *text)
 {
-	enum modbus_ascii_state state = MODBUS_ASCII_NOTHING;
+	enum modbus_ascii_state state = MODBUS_ASCII_NOISE;
 
 	for (; *text != '\0'; text++)
 		state = modbus_ascii_take(ascii, (uint8_t)*text);

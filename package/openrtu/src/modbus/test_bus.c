@@ -294,7 +294,7 @@ static size_t as_text(const uint8_t *frame, size_t length, uint8_t *text)
 static size_t of_text(const struct modbus_output *output, uint8_t frame[MODBUS_FRAME_MAX])
 {
 	struct modbus_ascii ascii = {.begun = false};
-	enum modbus_ascii_state state = MODBUS_ASCII_NOTHING;
+	enum modbus_ascii_state state = MODBUS_ASCII_NOISE;
 
 	for (size_t i = 0; i < output->length; i++)
 		state = modbus_ascii_take(&ascii, output->frame[i]);
@@ -661,6 +661,22 @@ void start_simple(uint8_t retries)
 	run_for(SECOND);
 	assert_true(bus.devices[0].alive);
 	forget_trace();
+}
+
+void expect_late_answers_apart(void)
+{
+	add_device(17, 3);
+	for (uint16_t far = 0; far < 3; far++)
+		add_objects(MODBUS_READ_HOLDING_REGISTERS, (uint16_t)(300 * far), 1);
+	start();
+	run_for(SECOND);
+	for (unsigned i = 0; i < 20; i++) {
+		bus.slaves[0].late = 1;
+		bus.slaves[0].late_ns = TIMEOUT_NS + 7 * MS + i * 11 * MS;
+		run_for(3 * SECOND);
+	}
+	assert_true(bus.devices[0].alive);
+	assert_true(bus.line.counters.late_answers >= 20);
 }
 
 void command(uint32_t device, uint8_t function, uint16_t address, uint16_t value, uint32_t tag)

@@ -145,6 +145,12 @@ void use_ascii(uint32_t baud);
 /* One device with eight holding registers, scanned at least once. */
 void start_simple(uint8_t retries);
 
+/*
+ * Starts the line with a device that answers late, again and again. Its reads are of one length and look alike: on_read finds each
+ * value that is taken for another's.
+ */
+void expect_late_answers_apart(void);
+
 void run_for(int64_t ns);
 /* Until the device is dead; it must be within the time. */
 void run_until_dead(uint32_t device, int64_t within_ns);

@@ -48,24 +48,12 @@ static void test_an_answer_comes_in_pieces(void **state)
 	assert_int_equal(bus.line.counters.crc_errors, 0);
 }
 
-/* Reads of one length look alike: on_read finds each value that is taken for another's. */
 static void test_a_late_answer_is_never_taken_for_anothers(void **state)
 {
 	(void)state;
 	set_up();
 	use_connection(MODBUS_FRAMING_RTU);
-	add_device(17, 3);
-	for (uint16_t far = 0; far < 3; far++)
-		add_objects(MODBUS_READ_HOLDING_REGISTERS, (uint16_t)(300 * far), 1);
-	start();
-	run_for(SECOND);
-	for (unsigned i = 0; i < 20; i++) {
-		bus.slaves[0].late = 1;
-		bus.slaves[0].late_ns = TIMEOUT_NS + 7 * MS + i * 11 * MS;
-		run_for(3 * SECOND);
-	}
-	assert_true(bus.devices[0].alive);
-	assert_true(bus.line.counters.late_answers >= 20);
+	expect_late_answers_apart();
 }
 
 /* The peer hangs up on a read, and its answer comes on the next connection: a server of serial devices does that. */
