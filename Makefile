@@ -17,7 +17,7 @@ PYTHON  := .venv/bin/python
 LOGGED  := @scripts/logged.sh
 
 # What is a target's alone is never a file.
-.PHONY: $(shell sed -n 's/^\([a-z][a-z-]*\):.*/\1/p' Makefile mk/*.mk)
+.PHONY: $(shell sed -n 's/^\([a-z][a-z0-9-]*\):.*/\1/p' Makefile mk/*.mk)
 
 # Debian packages, and Python packages in .venv: each target brings the lists that it uses.
 PACKAGES := build/packages.done
@@ -37,7 +37,7 @@ SYSROOT  := build/arm-sysroot/done
 HELP_GROUPS := See it,Build,A board,Test,Maintain
 
 help: ## Maintain: show this list
-	@awk -F ':.*## ' -v groups='$(HELP_GROUPS)' '/^[a-z-]+:.*## / { \
+	@awk -F ':.*## ' -v groups='$(HELP_GROUPS)' '/^[a-z0-9-]+:.*## / { \
 	  colon = index($$2, ": "); group = substr($$2, 1, colon - 1); \
 	  lines[group] = lines[group] sprintf("  make %-17s %s\n", $$1, substr($$2, colon + 2)) \
 	} END { \

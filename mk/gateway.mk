@@ -32,7 +32,7 @@ cross: build/arm/build.ninja $(TESTED) ## Test: the C unit tests and programs of
 	$(LOGGED) arm-unit $(MESON_TEST) -C build/arm
 	$(LOGGED) arm-logic env OPENRTU_BUILD=build/arm \
 	  OPENRTU_LOGIC_DESK='qemu-arm -cpu arm926 -L $(dir $(SYSROOT)) build/arm/logic/logic-desk' \
-	  $(PYTHON) -m pytest -q tests/test_logic_blocks.py -k each_plot
+	  $(PYTHON) -m pytest -q tests/logic/test_logic_blocks.py -k each_plot
 
 fuzzers: build/fuzz/build.ninja ## Test: build the fuzzers (clang, libFuzzer, AddressSanitizer, UBSan)
 	$(LOGGED) fuzzers ninja -C build/fuzz fuzzers
@@ -40,7 +40,7 @@ fuzzers: build/fuzz/build.ninja ## Test: build the fuzzers (clang, libFuzzer, Ad
 FUZZ_SECONDS := 60
 
 fuzz: fuzzers $(VENV) ## Test: search with the fuzzers for FUZZ_SECONDS=60 each; keeps what it learned
-	$(PYTHON) tests/fuzzing.py --seconds $(FUZZ_SECONDS)
+	$(PYTHON) tests/house/fuzzing.py --seconds $(FUZZ_SECONDS)
 
 # A build that a former version of the tree has configured gets the options that came since.
 BUILD_OPTIONS := $(SRC)/meson_options.txt

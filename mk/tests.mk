@@ -6,8 +6,8 @@ PAYLOAD     = tests/netboot/payload
 PROGRAMS    = tests/linux/programs
 C_FILES     = $(shell find $(SRC) $(LINESIM) $(PLANT) $(BENCH) $(PROBES) $(PAYLOAD) $(PROGRAMS) -name '*.[ch]')
 # Once more with the modules built under AddressSanitizer and UBSan.
-UNDER_SANITIZERS = tests/test_gateway.py tests/test_lines.py tests/test_event_journal.py $(wildcard tests/test_station_*.py)
-SHELL_FILES = .ci/run scripts/openrtu scripts/nuc980-pins scripts/nuc980-netboot scripts/kept tests/as-user.sh package/openrtu/container/*-* $(wildcard scripts/*.sh scripts/image/*.sh scripts/for-board/*.sh $(PROGRAMS)/*.sh board/*/*.sh package/*/S[0-9]* $(SRC)/*/*/*.sh \
+UNDER_SANITIZERS = tests/gateway/test_gateway.py tests/lines/test_lines.py tests/gateway/test_event_journal.py tests/station tests/controlling/test_station_controlling.py
+SHELL_FILES = .ci/run scripts/openrtu scripts/nuc980-pins scripts/nuc980-netboot scripts/kept tests/run/as-user.sh package/openrtu/container/*-* $(wildcard scripts/*.sh scripts/image/*.sh scripts/for-board/*.sh $(PROGRAMS)/*.sh board/*/*.sh package/*/S[0-9]* $(SRC)/*/*/*.sh \
   board/*/*/etc/init.d/* board/*/*/usr/sbin/*) board/nuc980/skeleton/init board/nuc980/skeleton/usr/share/udhcpc/default.script
 
 lint: $(LINTED) ## Test: check the sources: ruff, clang-format, cppcheck, shellcheck
@@ -22,7 +22,7 @@ lint: $(LINTED) ## Test: check the sources: ruff, clang-format, cppcheck, shellc
 
 # Many of these wait for a line, a timer or a guest: four at a time fill two cores. A file's tests share what they start.
 WORKERS := 4
-PYTEST = OPENRTU_TIMES=build/times/$@.json $(PYTHON) tests/alone.py -n $(WORKERS) --dist loadfile --no-loadscope-reorder \
+PYTEST = OPENRTU_TIMES=build/times/$@.json $(PYTHON) tests/run/alone.py -n $(WORKERS) --dist loadfile --no-loadscope-reorder \
   --max-worker-restart 0
 
 test-quick: LISTS := packages packages-lint packages-boards packages-tests
@@ -51,18 +51,33 @@ QUICK := --ignore=tests/linux --ignore=tests/twin --ignore=tests/bench -m "not s
 
 # One area: all of it, or FILES='tests/…'.
 FILES :=
-AREA = $(PYTEST) $(or $(FILES),--area $(@:test-%=%))
+AREA = $(PYTEST) $(or $(FILES),$(@:test-%=tests/%))
 
 test-station: build $(TESTED) ## Test: the controlled station: IEC 104 and TLS
-test-lines: build $(TESTED) ## Test: the Modbus lines
-test-gateway: build .asan fuzzers centre-page $(WHEELING) $(PACKAGING) build/gpsd/done build/chronyd/done build/mibs/done build/exporter/done $(TESTED) ## Test: the gateway as a whole, its configuration, the tree
+test-controlling: build $(TESTED) ## Test: the controlling station: outstations, the centre's collector
+test-lines: build $(TESTED) ## Test: the Modbus lines and their devices
+test-gateway: build $(TESTED) ## Test: the gateway as a whole: reloads, kills, power cuts, rtuctl
+test-config: build .asan $(TESTED) ## Test: the configuration, templates, lists of points
+test-modules: build $(TESTED) ## Test: modules of others, the net between modules
+test-logic: build $(TESTED) ## Test: Structured Text
+test-snmp: build build/mibs/done build/exporter/done $(TESTED) ## Test: the SNMPv3 agent
+test-iec61850: build $(TESTED) ## Test: the server of IEC 61850
+test-goose: build $(TESTED) ## Test: GOOSE
+test-position: build build/gpsd/done build/chronyd/done $(TESTED) ## Test: receivers and positions
+test-web: build $(TESTED) ## Test: the gateway's page
+test-tools: build $(TESTED) ## Test: openrtu's tools for devices
+test-shows: build $(TESTED) ## Test: what make run-native shows, and says when it fails
+test-plant: build $(TESTED) ## Test: the plant under virtual time
+test-packages: build centre-page build/mibs/done $(WHEELING) $(PACKAGING) $(TESTED) ## Test: packages, containers, wheels
+test-house: build fuzzers $(TESTED) ## Test: the tree itself, the fuzzers' seeds, what runs the tests
 test-bench: build .compared $(TESTED) ## Test: what make bench measures with
 test-pins: $(TESTED) ## Test: nuc980-pins
 test-image: build/packages-cross.done build/packages-release.done $(TESTED) ## Test: the images' configuration and what makes them
 test-netboot: build qemu uboot $(TESTED) ## Test: nuc980-netboot
 test-twin: qemu uboot $(TESTED) ## Test: the emulated board alone
 test-centre: build centre-page build/provider/npm.done build/axe/npm.done $(PACKAGING) build/packages-centre.done $(TESTED) ## Test: the control centre, its page in a browser
-test-station test-lines test-gateway test-bench test-pins test-image test-netboot test-twin test-centre:
+AREAS := $(filter-out linux,$(sort $(notdir $(patsubst %/,%,$(dir $(wildcard tests/*/test_*.py))))))
+$(AREAS:%=test-%):
 	$(AREA)
 
 test-linux: WORKERS := 2 # a guest that starts fills a core
@@ -89,25 +104,25 @@ test-native: build .compared .asan fuzzers qemu uboot centre-page build/provider
 	$(PYTEST) --ignore=tests/linux
 
 test-user: ## Test: the README's two commands as a user without rights (takes root)
-	tests/as-user.sh
+	tests/run/as-user.sh
 
 test-changed: $(TESTED) ## Test: what a change can reach, and why (BASE=commit: since that one)
-	$(PYTHON) tests/changed.py $(BASE)
+	$(PYTHON) tests/run/changed.py $(BASE)
 
-# What several parts of `make test` need, built before them by one make; and what test-linux alone needs: tests/run.py.
+# What several parts of `make test` need, built before them by one make; and what test-linux alone needs: tests/run/run.py.
 .PHONY: .shared .linux-alone
 .shared: build .compared qemu uboot centre-page build/provider/npm.done build/axe/npm.done $(WHEELING) $(PACKAGING) build/packages-centre.done build/sysroot.ini \
   build/gpsd/done build/chronyd/done build/mibs/done $(TESTED)
 .linux-alone: linux build/boards/numaker/u-boot/done build/swupdate/done build/curl/done $(SYSTEM_PARTS) build/root/gateway-tls.done
 
 test: $(TESTED) $(LINTED) ## Test: all but soak, test-debug-kernel, test-offline (ONLY=)
-	$(PYTHON) tests/run.py $(if $(ONLY),--only $(ONLY))
+	$(PYTHON) tests/run/run.py $(if $(ONLY),--only $(ONLY))
 
 BUSY := 8
 TIMES := 20
 
 busy: $(VENV) ## Test: the shows and test-quick beside busy processes (BUSY=8, TIMES=20, TARGETS=)
-	$(PYTHON) tests/busy.py --processes $(BUSY) --times $(TIMES) $(TARGETS)
+	$(PYTHON) tests/run/busy.py --processes $(BUSY) --times $(TIMES) $(TARGETS)
 
 plant: build $(VENV) ## Test: gateways under virtual time, with faults (SEEDS=20, HOURS=0.1, SEED=)
 	@$(PYTHON) tests/plant/plant_run.py $(if $(SEEDS),--seeds $(SEEDS)) $(if $(HOURS),--hours $(HOURS)) $(if $(SEED),--seed $(SEED))

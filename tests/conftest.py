@@ -12,13 +12,13 @@ import pytest
 from xdist.remote import Producer
 from xdist.scheduler import LoadFileScheduling
 
-import capture
 import search_path
-from areas import AREAS, area_of
-from desk import Desk, chapter_5, desk_of
+from areas import area_of
 from lab.turns import take_short_turns
 from peers import mms
-from rights import Rights
+from rig import capture
+from rig.desk import Desk, chapter_5, desk_of
+from rig.rights import Rights
 from times import Times
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -37,17 +37,6 @@ SPREAD = {
 
 # Many files of these areas, none of which waits for a gateway's lines and timers.
 SHORT = {"image", "netboot", "pins"}
-
-
-def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--area", choices=AREAS, help="only the tests of this area")
-
-
-def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    area = config.getoption("--area")
-    if not area or collection_path.is_dir():
-        return None
-    return area_of(str(collection_path.relative_to(ROOT))) != area or None
 
 
 cases: Counter[str] = Counter()  # collected so far, of each table

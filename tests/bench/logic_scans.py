@@ -19,9 +19,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import lines
 from stopwatch import Spread
 
+import lines
 from bench import machine
 from lab.gateway import REPOSITORY, Gateway, GatewayError, default_build, remove, run_directory
 from openrtu_tools.logic.binary import encode

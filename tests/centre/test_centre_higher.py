@@ -21,7 +21,6 @@ from typing import Any
 import c104
 import pytest
 
-from capture import PORT, Connection, write_pcap
 from control_room import POINTS, Site, Stations, described, until
 from lab.centre_client import AnswerError, Client
 from lab.gateway import Gateway, default_build, free_port, listening_on, remove, run_directory
@@ -43,6 +42,7 @@ from openrtu_tools.centre.codes import State
 from openrtu_tools.centre.errors import CentreError
 from openrtu_tools.centre.higher import PROGRAM, gateway
 from openrtu_tools.centre.settings import load
+from rig.capture import PORT, Connection, write_pcap
 
 pytestmark = pytest.mark.slow  # a centre, a gateway and its module in Python for one use of a centre
 

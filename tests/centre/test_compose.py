@@ -13,10 +13,10 @@ from typing import Any
 
 import pytest
 
-import containers
 import postgres
-from containers import MADE, Container, Network
-from rights import SUPERUSER, needed
+from rig import containers
+from rig.containers import MADE, Container, Network
+from rig.rights import SUPERUSER, needed
 
 pytestmark = [
     pytest.mark.slow,

@@ -9,7 +9,7 @@ from playwright.sync_api import Browser, BrowserContext, Route, expect
 from playwright.sync_api import Page as Tab
 
 from browser import LIMIT_MS
-from web import DEVICE, HOSTILE, PASSWORD, WAIT_S, Page, page_of
+from rig.web import DEVICE, HOSTILE, PASSWORD, WAIT_S, Page, page_of
 
 STATION = "<img src=x onerror=document.title='X'>"
 PHONE = {"width": 360, "height": 740}

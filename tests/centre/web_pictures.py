@@ -9,9 +9,9 @@ from pathlib import Path
 from playwright.sync_api import Page as Tab
 
 from browser import chromium
-from desk import chapter_5, everything_read, gateway_on_lines
 from lab.gateway import free_port, run_directory
-from web import PASSWORD, WAIT_S, make_files
+from rig.desk import chapter_5, everything_read, gateway_on_lines
+from rig.web import PASSWORD, WAIT_S, make_files
 
 FIGURES = Path(__file__).resolve().parents[2] / "docs" / "figures"
 NATIVE = Path(__file__).resolve().parents[2] / "build" / "native"

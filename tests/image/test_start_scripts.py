@@ -6,7 +6,7 @@ import re
 import subprocess
 from pathlib import Path
 
-from rights import NETWORK, need
+from rig.rights import NETWORK, need
 
 OVERLAY = Path(__file__).resolve().parents[2] / "board" / "nuc980" / "rootfs-overlay"
 SSH = OVERLAY / "etc/init.d/S85sshd"

@@ -12,13 +12,13 @@ from typing import Any
 
 import pytest
 
-from desk import chapter_5, everything_read, of_port
 from lab.board import ETHERNET, SILENCE_US, SSH_PORT, STATION_PORT, Board, Ssh, lines_at
 from lab.gateway import GatewayError
 from lab.linesim import LineSim
 from lab.raw_master import RawMaster
 from nuc980.twin.linux import Linux
 from nuc980.twin.machine import INSTRUCTION_TIME
+from rig.desk import chapter_5, everything_read, of_port
 
 VALUES = Path(__file__).resolve().parents[1] / "fixtures/chapter5/values.json"
 BEGIN = datetime(2040, 2, 28, 23, 0, tzinfo=UTC)

@@ -15,24 +15,14 @@ import pytest
 from test_data_volume import kernel as kernel  # with a small partition for data
 from test_data_volume import with_flash
 
-from journal_file import ENTRY, cause_of, events, number_of, records
 from lab.board import ETHERNET, SILENCE_US, lines_at
 from lab.linesim import LineSim
 from nuc980.twin.linux import Kernel, Linux
 from nuc980.twin.machine import INSTRUCTION_TIME
 from nuc980.twin.nand import NandImage
 from peers.mms import Client
-from test_iec61850_buffered import (
-    DEVICE,
-    INPUTS,
-    NO,
-    Entry,
-    begin,
-    configuration,
-    nothing_more,
-    put,
-    taken,
-)
+from rig.journal_file import ENTRY, cause_of, events, number_of, records
+from rig.reports import DEVICE, INPUTS, NO, Entry, begin, configuration, nothing_more, put, taken
 
 MMS_PORT, SEED = 102, 61850
 HANG_S = 300.0  # what does not come by then never comes

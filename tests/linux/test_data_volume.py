@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from desk import chapter_5
 from nuc980.twin.linux import Kernel, Linux
 from nuc980.twin.nand import DATA, PAGE, PAGES, NandImage
+from rig.desk import chapter_5
 
 BLOCK = PAGES * DATA
 PARTITION = "/ahb/fmi@b0019000/partitions/partition@1600000"

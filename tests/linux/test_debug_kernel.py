@@ -15,13 +15,13 @@ from pathlib import Path
 
 import pytest
 
-from desk import CHAPTER_5, chapter_5
 from lab.board import ETHERNET, PORTS, SILENCE_US, lines_at
 from lab.gateway import remove, run_directory
 from lab.linesim import LineSim
 from nuc980.twin.linux import TROUBLE, Kernel, Linux
 from nuc980.twin.machine import INSTRUCTION_TIME
 from nuc980.twin.nand import NandImage
+from rig.desk import CHAPTER_5, chapter_5
 
 pytestmark = pytest.mark.soak  # its own kernel and boots take half an hour: make test-debug-kernel
 

@@ -17,7 +17,6 @@ from typing import Any
 import c104
 import pytest
 
-from desk import CHAPTER_5, everything_read
 from lab.board import (
     ETHERNET,
     PORTS,
@@ -38,6 +37,7 @@ from lab.raw_master import RawMaster
 from lab.show import DEVICE, FIGURE_5_3, STATION
 from nuc980.twin.linux import Kernel, Linux
 from nuc980.twin.machine import INSTRUCTION_TIME
+from rig.desk import CHAPTER_5, everything_read
 
 ROOT = Path(__file__).resolve().parents[2]
 READ_SECONDS = 120.0

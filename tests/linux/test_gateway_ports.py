@@ -16,13 +16,13 @@ from typing import Any
 import pytest
 from uarts import FUNCSEL, RS485, Moment, Uart
 
-from desk import everything_read
 from lab.board import SILENCE_US, Board
 from lab.gateway import GatewayError, remove, run_directory
 from lab.linesim import LineSim
 from lab.show import RESPONSE_MS
 from nuc980.twin.linux import Linux
 from nuc980.twin.machine import INSTRUCTION_TIME
+from rig.desk import everything_read
 
 PATIENCE_S = 300.0  # a busy host
 WATCHED_S = 2.0  # of the board's time

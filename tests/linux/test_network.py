@@ -14,13 +14,13 @@ from pathlib import Path
 import libfdt
 import pytest
 
-from capture import PCAP_HEAD, record_of
 from lab.patience import Deadline
 from linux.wire import BROADCAST, GOOSE, IPV4, SECONDS, Wire, cable, vlan_tag
 from nuc980.netboot.boot import tree_for
 from nuc980.twin.linux import Kernel, Linux
 from nuc980.twin.machine import INSTRUCTION_TIME
 from peers import mms
+from rig.capture import PCAP_HEAD, record_of
 
 HERE = Path(__file__).parent
 START_SCRIPT = HERE.parents[1] / "board/nuc980/rootfs-overlay/etc/init.d/S41macs"

@@ -17,6 +17,7 @@ from lab.raw_master import RawMaster
 from nuc980.twin.linux import Kernel, Linux
 from peers.ntp import NtpServer
 from peers.tls_gateway import Pki
+from rig.cp56 import cp56
 
 ROOT = Path(__file__).resolve().parents[2]
 SYSTEM = ROOT / "build/system-site-tls.parts/initramfs.cpio"
@@ -101,13 +102,6 @@ def synchronised(linux: Linux, server: NtpServer, station_before: str) -> Linux:
     while "Leap status     : Normal" not in (output := linux.run("chronyc -n tracking")):
         assert time.monotonic() < deadline, f"{output}\n{linux.run('tail -n 20 /var/log/messages')}"
     return linux
-
-
-def cp56(when: datetime) -> bytes:
-    milliseconds = when.second * 1000 + when.microsecond // 1000
-    return milliseconds.to_bytes(2, "little") + bytes(
-        (when.minute, when.hour, when.day, when.month, when.year % 100)
-    )
 
 
 def told_time(master: RawMaster) -> bytes:

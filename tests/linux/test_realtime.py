@@ -11,9 +11,9 @@ from typing import cast
 
 import pytest
 
-from desk import chapter_5
 from lab.board_show import BoardDesk, latency
 from nuc980.twin.linux import Linux
+from rig.desk import chapter_5
 
 ROOT = Path(__file__).parents[2]
 LINES = (1, 2, 3, 4, 6, 8)

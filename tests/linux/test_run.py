@@ -18,11 +18,11 @@ from typing import Any
 import pytest
 from update_board import ubi_image
 
-from desk import chapter_5, values
 from lab.board_show import BOARD_STEPS
 from lab.gateway import free_port
 from lab.kept import record
 from lab.master import Master
+from rig.desk import chapter_5, values
 
 ROOT = Path(__file__).resolve().parents[2]
 SYSTEM = ROOT / "build/system-lab"

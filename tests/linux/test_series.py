@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-import git_am
+from rig import git_am
 from series import series_of
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -13,12 +13,12 @@ from pathlib import Path
 
 import pytest
 
-from desk import chapter_5
 from nuc980.netboot.slots.layout import BASE, TRIAL, Area
 from nuc980.netboot.slots.marks import BASE_WORD, TRIAL_WORD, page
 from nuc980.netboot.slots.script import partitions
 from nuc980.twin.linux import Kernel, Linux
 from nuc980.twin.nand import DATA, PAGE, NandImage
+from rig.desk import chapter_5
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = "usr/sbin/rtu-update"

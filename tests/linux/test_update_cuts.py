@@ -36,7 +36,6 @@ from update_board import (
 )
 
 from image.update import Signer, update_file
-from journal_file import RETAINED, cause_of, events, records, told_by
 from lab.board import ETHERNET, SSH_PORT, Ssh, lines_at
 from netboot.flashbench import copy, uimage
 from nuc980.netboot.limits import BLOCK
@@ -47,6 +46,7 @@ from nuc980.netboot.slots.script import OPEN_SECONDS, partitions
 from nuc980.twin.linux import SHELL, Kernel, Linux
 from nuc980.twin.machine import INSTRUCTION_TIME, Machine
 from nuc980.twin.nand import DATA, PAGES, NandImage
+from rig.journal_file import RETAINED, cause_of, events, records, told_by
 
 TREE = Path(__file__).resolve().parents[2]
 PAYLOAD = Path(__file__).parents[1] / "netboot/payload/Makefile"

@@ -27,13 +27,13 @@ from update_board import (
     wait_for,
 )
 
-from desk import chapter_5
 from image.update import Signer, update_file
 from lab.board import ETHERNET, MACS, SSH_PORT, Ssh
 from lab.boots import Image
 from lab.gateway import free_port
 from nuc980.twin.machine import INSTRUCTION_TIME, Machine
 from nuc980.twin.nand import NandImage
+from rig.desk import chapter_5
 
 TREE = Path(__file__).resolve().parents[2]
 SYSTEM = TREE / "build/system"

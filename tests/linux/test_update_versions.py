@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from release.version import swupdate
-from test_version import IN_ORDER
+from rig.versions import IN_ORDER
 
 SOURCE = Path(__file__).resolve().parents[2] / "build/swupdate/debian"
 PROGRAM = """

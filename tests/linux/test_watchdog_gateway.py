@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import pytest
 
-from desk import chapter_5
 from nuc980.twin.linux import Linux
+from rig.desk import chapter_5
 
 CONFIG = "etc/openrtu/gateway.json"
 PROGRAM = "/usr/libexec/openrtu/rtu-modbus"

@@ -10,7 +10,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from desk import CHAPTER_5
 from image import update
 from lab.board import SILENCE_US, Ssh, configuration
 from lab.linesim import LineSim
@@ -25,6 +24,7 @@ from nuc980.netboot.plan import SetVariable
 from nuc980.netboot.slots.layout import Area
 from nuc980.twin.nand import DATA, PAGES, NandImage
 from release.version import swupdate, tree_version
+from rig.desk import CHAPTER_5
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ROOT / "build/root/packages"

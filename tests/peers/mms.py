@@ -9,7 +9,7 @@ import ssl
 from dataclasses import dataclass, field
 from typing import Self
 
-from capture import Connection
+from rig.capture import Connection
 
 RECORD: list[Connection] = []  # of this process, for the session's last fixture
 VISIBLE_STRING, INTEGER, SEQUENCE = 0x1A, 0x02, 0x30

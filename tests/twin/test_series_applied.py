@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-import git_am
+from rig import git_am
 from series import series_of
 
 _, *QEMU = series_of("qemu").mails(0)

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* Scans of a program made by hand; tests/test_logic.py has those of the compiler. */
+/* Scans of a program made by hand; tests/logic/test_logic.py has those of the compiler. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* Strings of a program made by hand; what each operation makes of one is in tests/test_logic.py. */
+/* Strings of a program made by hand; what each operation makes of one is in tests/logic/test_logic.py. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * A module that somebody else's code runs in, for tests/test_supervise.py: it starts as all do, works for a moment, and
+ * A module that somebody else's code runs in, for tests/gateway/test_supervise.py: it starts as all do, works for a moment, and
  * executes a program.
  */
 #include <unistd.h>

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* What a good file becomes in the map's tables. Wrong files: tests/test_config.py, through rtud --check. */
+/* What a good file becomes in the map's tables. Wrong files: tests/config/test_config.py, through rtud --check. */
 #include "iec104/config.h"
 #include "journal/config.h"
 #include "modbus/config.h"

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * rtu-logic that dies in each phase of a scan in turn, for tests/test_logic_gateway.py: the linker puts it around what a
+ * rtu-logic that dies in each phase of a scan in turn, for tests/logic/test_logic_gateway.py: the linker puts it around what a
  * scan calls. Which phase it is tells the number of scans, which outlives the process.
  */
 #include "modules/logic/host.h"
