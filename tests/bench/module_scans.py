@@ -41,7 +41,7 @@ READ_TIMEOUT_S = 120.0
 EVENT_RING = 64  # the least
 OPTIONS = ["-Os", "-std=gnu11", "-D_GNU_SOURCE", "-D_TIME_BITS=64", "-D_FILE_OFFSET_BITS=64"]
 LIBRARY = ("commands", "events", "openrtu", "requests", "scan", "synch", "values")
-OF_THE_LIBRARY = ("modules/commanding", "modules/stop", "modules/synched", "synch/net")
+OF_THE_LIBRARY = ("process/commanding", "process/stop", "synch/synched", "synch/net")
 
 Readings = dict[str, list[float]]
 Counts = dict[str, float]

@@ -311,6 +311,7 @@ ROOMS = [
     "map",
     "modbus",
     "modules",
+    "process",
     "quality",
     "rows",
     "rtuctl",
@@ -392,6 +393,7 @@ def test_files_of_a_room_use_each_other_in_no_circle(room: str) -> None:
         ("map", set()),
         ("config", {"map"}),
         ("channel", {"config", "map"}),
+        ("process", {"map"}),
         *(
             (
                 room,

@@ -7,8 +7,8 @@
 #include "lib/openrtu.h"
 #include "map/map.h"
 #include "map/type.h"
-#include "modules/commanding.h"
-#include "modules/synched.h"
+#include "process/commanding.h"
+#include "synch/synched.h"
 
 /* What is requested of an own point: one selection and one command at a time. */
 struct asked {

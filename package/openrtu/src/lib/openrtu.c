@@ -12,7 +12,7 @@
 
 #include "lib/handle.h"
 #include "map/type.h"
-#include "modules/module.h"
+#include "process/module.h"
 
 #define OWN_PREFIX "rtu" /* of the names of the gateway's own modules */
 

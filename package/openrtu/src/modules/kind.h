@@ -16,7 +16,7 @@ struct config_part;
 /* An executable in the folder of the modules. */
 struct kind_program {
 	const char *name;
-	const struct call_rule *calls; /* that it makes once it has started: modules/calls.h */
+	const struct call_rule *calls; /* that it makes once it has started: process/calls.h */
 	size_t call_count;
 };
 

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "map/supervise.h"
-#include "modules/users.h"
+#include "map/users.h"
 #include "rtud/compare.h"
 #include "rtud/kinds.h"
 

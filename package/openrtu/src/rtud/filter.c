@@ -11,7 +11,7 @@
 #include <sys/prctl.h>
 #include <unistd.h>
 
-#include "modules/calls.h"
+#include "process/calls.h"
 
 #define BY_TREE 2 /* of SCMP_FLTATR_CTL_OPTIMIZE: few comparisons, which this core interprets */
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
- * What a module asks of the kernel once it has started: a filter of system calls (seccomp) with those of its kind (modules/calls.h). rtud
+ * What a module asks of the kernel once it has started: a filter of system calls (seccomp) with those of its kind (process/calls.h). rtud
  * makes it, since libseccomp and its memory are then needed in no module; the module puts it in force itself, behind its
- * own start (modules/confine.h), so that nothing which only a start takes is allowed: no program is executed, no library
+ * own start (process/confine.h), so that nothing which only a start takes is allowed: no program is executed, no library
  * loaded, and no socket made but by a Modbus TCP line.
  */
 #ifndef OPENRTU_RTUD_FILTER_H

@@ -109,7 +109,7 @@ static void limit(int resource, rlim_t most)
 	setrlimit(resource, &limits);
 }
 
-/* What a module needs no process and no file for, it takes away itself, when it has started: modules/confine.h. */
+/* What a module needs no process and no file for, it takes away itself, when it has started: process/confine.h. */
 static void set_limits(const struct process_plan *plan)
 {
 	const rlim_t memory = plan->memory ? plan->memory : RLIM_INFINITY;

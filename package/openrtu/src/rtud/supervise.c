@@ -169,7 +169,7 @@ static void module_attached(struct supervisor *supervisor, uint32_t index, const
 	map_module_running(supervisor->map, index);
 }
 
-/* One whose heartbeat comes and goes does not fill the log: it says itself how often (modules/heartbeat.c). */
+/* One whose heartbeat comes and goes does not fill the log: it says itself how often (process/heartbeat.c). */
 static bool silence_is_worth_a_line(struct child *child)
 {
 	int64_t now_ns = map_now_ns();

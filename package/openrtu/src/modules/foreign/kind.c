@@ -4,8 +4,8 @@
 
 #include "foreign/config.h"
 #include "foreign/config_part.h"
+#include "map/users.h"
 #include "modules/kind.h"
-#include "modules/users.h"
 #include "synch/config.h"
 
 #define MIB (1024u * 1024u)

@@ -12,8 +12,8 @@
 
 #include "goose/config_part.h"
 #include "goose/stats.h"
-#include "modules/calls.h"
 #include "modules/goose/filter.h"
+#include "process/calls.h"
 
 #define USER               19 /* docs/architecture.md */
 #define HEARTBEAT_LIMIT_MS 1000

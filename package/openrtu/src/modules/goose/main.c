@@ -13,7 +13,7 @@
 #include "modules/goose/publish.h"
 #include "modules/goose/subscribe.h"
 #include "modules/goose/wire.h"
-#include "modules/module.h"
+#include "process/module.h"
 
 #define HEARTBEAT_NS  (250 * NS_PER_MS) /* a quarter of what kind.c allows */
 #define FRAMES_A_TURN 32

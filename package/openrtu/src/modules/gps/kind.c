@@ -5,8 +5,8 @@
 #include "gps/config.h"
 #include "gps/config_part.h"
 #include "gps/stats.h"
-#include "modules/calls.h"
 #include "modules/kind.h"
+#include "process/calls.h"
 
 #define USER               15   /* docs/architecture.md: from 15 down */
 #define HEARTBEAT_LIMIT_MS 1000 /* a receiver speaks once a second */

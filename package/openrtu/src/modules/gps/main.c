@@ -13,7 +13,7 @@
 #include "modules/gps/clock.h"
 #include "modules/gps/publish.h"
 #include "modules/gps/source.h"
-#include "modules/module.h"
+#include "process/module.h"
 
 #define HEARTBEAT_NS (250 * NS_PER_MS) /* a quarter of what kind.c allows */
 

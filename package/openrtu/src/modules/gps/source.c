@@ -7,9 +7,9 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "channel/serial.h"
+#include "channel/tcp.h"
 #include "map/time_ns.h"
-#include "modules/serial.h"
-#include "modules/tcp.h"
 
 #define CONNECT_NS    (3 * NS_PER_S)
 #define READ_SIZE     512

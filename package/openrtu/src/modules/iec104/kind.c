@@ -6,8 +6,8 @@
 #include "iec104/config.h"
 #include "iec104/config_part.h"
 #include "iec104/counters.h"
-#include "modules/calls.h"
 #include "modules/kind.h"
+#include "process/calls.h"
 
 #define USER       1
 #define OWN_EVENTS 256 /* of the gateway's own station, which has two for each episode of losses */

@@ -21,7 +21,7 @@
 #include "map/map.h"
 #include "map/time_ns.h"
 #include "modules/iec104/peer.h"
-#include "modules/module.h"
+#include "process/module.h"
 
 #define IDLE_MS 250 /* well below the second in which rtud expects a heartbeat */
 #define BACKLOG 16

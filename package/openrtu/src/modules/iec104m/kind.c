@@ -5,8 +5,8 @@
 #include "iec104/config_outstations.h"
 #include "iec104/outstation_stats.h"
 #include "iec104/outstations.h"
-#include "modules/calls.h"
 #include "modules/kind.h"
+#include "process/calls.h"
 
 #define USER                   14   /* docs/architecture.md: from 15 down */
 #define HEARTBEAT_LIMIT_MS     1000 /* a station that is lost is noticed after seconds */

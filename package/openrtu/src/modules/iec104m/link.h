@@ -7,10 +7,10 @@
 #define OPENRTU_MODULES_IEC104M_LINK_H
 
 #include "channel/attempts.h"
+#include "channel/tcp.h"
 #include "iec104/controlling.h"
 #include "iec104/octets.h"
 #include "iec104/outstations.h"
-#include "modules/tcp.h"
 
 #define LINK_INPUT_SIZE  1024
 #define LINK_OUTPUT_SIZE 512

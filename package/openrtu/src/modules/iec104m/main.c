@@ -11,7 +11,7 @@
 
 #include "map/time_ns.h"
 #include "modules/iec104m/outstation.h"
-#include "modules/module.h"
+#include "process/module.h"
 
 #define HEARTBEAT_NS (250 * NS_PER_MS) /* a quarter of what kind.c allows */
 #define LINKS_MAX    (IEC104_OUTSTATIONS_MAX * IEC104_OUTSTATION_LINKS_MAX)

@@ -7,9 +7,9 @@
 #include "iec61850/config_part.h"
 #include "iec61850/kept.h"
 #include "map/limits.h"
-#include "modules/calls.h"
 #include "modules/iec61850/cid.h"
 #include "modules/kind.h"
+#include "process/calls.h"
 
 #define USER     17 /* behind rtu-snmp, before those of others */
 #define REQUESTS 256

@@ -25,7 +25,7 @@
 #include "map/address.h"
 #include "map/heap.h"
 #include "modules/iec61850/file.h"
-#include "modules/module.h"
+#include "process/module.h"
 
 #define IDLE_MS            250
 #define PIECE_SIZE         (32 * 1024)

@@ -7,8 +7,8 @@
 #include "journal/config.h"
 #include "journal/config_part.h"
 #include "journal/stats.h"
-#include "modules/calls.h"
 #include "modules/kind.h"
+#include "process/calls.h"
 
 #define USER 2
 

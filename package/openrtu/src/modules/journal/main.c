@@ -16,7 +16,7 @@
 #include "journal/wear.h"
 #include "map/map.h"
 #include "map/time_ns.h"
-#include "modules/module.h"
+#include "process/module.h"
 
 #define TICK_MS 1000 /* a heartbeat each */
 

@@ -6,8 +6,8 @@
 #include "logic/logic.h"
 #include "logic/stats.h"
 #include "map/map.h"
-#include "modules/commanding.h"
-#include "modules/synched.h"
+#include "process/commanding.h"
+#include "synch/synched.h"
 
 /* A point of the program. */
 struct host_point {

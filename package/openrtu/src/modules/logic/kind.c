@@ -5,10 +5,10 @@
 
 #include "logic/config_part.h"
 #include "logic/stats.h"
-#include "modules/calls.h"
+#include "map/users.h"
 #include "modules/kind.h"
 #include "modules/logic/carry.h"
-#include "modules/users.h"
+#include "process/calls.h"
 #include "synch/config.h"
 
 /* A program never holds its module up for longer than its budget, which is some 500 ms on the board at most. */

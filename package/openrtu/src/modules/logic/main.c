@@ -12,7 +12,7 @@
 #include "logic/value.h"
 #include "map/time_ns.h"
 #include "modules/logic/host.h"
-#include "modules/module.h"
+#include "process/module.h"
 
 #define BEAT_MS    100              /* a tenth of the limit of its heartbeat */
 #define LOOK_NS    (50 * NS_PER_MS) /* between two looks at inputs that the first scan waits for */

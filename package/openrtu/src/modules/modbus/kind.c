@@ -7,15 +7,15 @@
 #include "modbus/config.h"
 #include "modbus/config_part.h"
 #include "modbus/stats.h"
-#include "modules/calls.h"
 #include "modules/kind.h"
+#include "process/calls.h"
 #include "synch/config.h"
 
 #define FIRST_USER 3             /* those before are of modules that there is one of */
 #define NAME       "rtu-modbus-" /* and the number of the process */
 
 static const struct call_rule calls[] = {
-    CALL(pread64), /* what the scheduler counts of this process (modules/heartbeat.c) */
+    CALL(pread64), /* what the scheduler counts of this process (process/heartbeat.c) */
     CALL(epoll_wait),  CALL(epoll_pwait),    CALL(epoll_ctl), CALL(timerfd_settime64), CALL(timerfd_settime),
     SERIAL_PORT_CALLS, TCP_CONNECTION_CALLS, CALL(poll),      CALL(ppoll_time64),      CALL(ppoll),
 };

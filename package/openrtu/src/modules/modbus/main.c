@@ -19,15 +19,15 @@
 #include "modbus/configured.h"
 #include "modbus/convert.h"
 #include "modbus/stats.h"
-#include "modules/heartbeat.h"
 #include "modules/modbus/commands.h"
 #include "modules/modbus/line_counters.h"
 #include "modules/modbus/line_results.h"
 #include "modules/modbus/port.h"
 #include "modules/modbus/quality.h"
 #include "modules/modbus/refresh.h"
-#include "modules/module.h"
-#include "modules/synched.h"
+#include "process/heartbeat.h"
+#include "process/module.h"
+#include "synch/synched.h"
 
 #define STOP_NS      (2 * NS_PER_S) /* rtud waits 3 s */
 #define HEARTBEAT_NS (MAP_HEARTBEAT_PERIOD_MS * NS_PER_MS)

@@ -8,10 +8,10 @@
 #include <sys/epoll.h>
 #include <unistd.h>
 
+#include "channel/serial.h"
+#include "channel/tcp.h"
 #include "map/time_ns.h"
 #include "modbus/stats.h"
-#include "modules/serial.h"
-#include "modules/tcp.h"
 
 #define CONNECT_NS (3 * NS_PER_S) /* then a host that has said nothing is not there */
 #define APART_NS                                                                                             \

@@ -12,7 +12,7 @@
 #include <unistd.h>
 
 #include "map/folder.h"
-#include "modules/calls.h"
+#include "process/calls.h"
 #include "snmp/config.h"
 #include "snmp/config_part.h"
 #include "snmp/shared.h"

@@ -8,12 +8,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "modules/module.h"
 #include "modules/snmp/answer.h"
 #include "modules/snmp/engine.h"
 #include "modules/snmp/kernel.h"
 #include "modules/snmp/notify.h"
 #include "modules/snmp/wire.h"
+#include "process/module.h"
 
 #define MESSAGES_A_TURN 32
 #define BUSY_MS         20

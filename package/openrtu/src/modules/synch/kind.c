@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* The coordinator of the modules' scans: one module, if the configuration has a net. */
 #include "modules/kind.h"
-#include "modules/calls.h"
-#include "modules/users.h"
+#include "map/users.h"
+#include "process/calls.h"
 #include "synch/config.h"
 #include "synch/config_part.h"
 #include "synch/stats.h"

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "map/map.h"
-#include "modules/module.h"
+#include "process/module.h"
 #include "synch/config.h"
 #include "synch/stats.h"
 

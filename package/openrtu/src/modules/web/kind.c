@@ -5,7 +5,7 @@
 #include <string.h>
 #include <sys/socket.h>
 
-#include "modules/calls.h"
+#include "process/calls.h"
 #include "web/config.h"
 #include "web/config_part.h"
 #include "web/stats.h"

@@ -9,11 +9,11 @@
 #include <string.h>
 
 #include "map/heap.h"
-#include "modules/module.h"
 #include "modules/web/commands.h"
 #include "modules/web/front.h"
 #include "modules/web/http.h"
 #include "modules/web/login.h"
+#include "process/module.h"
 
 #define IDLE_MS 500
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-#include "modules/serial.h"
+#include "channel/serial.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -11,7 +11,7 @@
 #include <sys/sysmacros.h>
 #include <unistd.h>
 
-#include "modules/termios2.h"
+#include "channel/termios2.h"
 
 #define PTY_MAJOR_FIRST        136 /* Linux, Documentation/admin-guide/devices.txt: Unix98 PTY slaves */
 #define PTY_MAJOR_LAST         143

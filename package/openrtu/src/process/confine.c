@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-#include "modules/confine.h"
+#include "process/confine.h"
 
 #include <errno.h>
 #include <linux/filter.h>

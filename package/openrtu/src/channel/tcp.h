@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* A TCP connection as a Modbus line or a receiver behind gpsd needs it. Nothing here blocks. */
-#ifndef OPENRTU_MODULES_TCP_H
-#define OPENRTU_MODULES_TCP_H
+#ifndef OPENRTU_CHANNEL_TCP_H
+#define OPENRTU_CHANNEL_TCP_H
 
 #include <stdint.h>
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* The end of each module's start. */
-#ifndef OPENRTU_MODULES_CONFINE_H
-#define OPENRTU_MODULES_CONFINE_H
+#ifndef OPENRTU_PROCESS_CONFINE_H
+#define OPENRTU_PROCESS_CONFINE_H
 
 #include <stddef.h>
 

@@ -11,7 +11,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "modules/serial.h"
+#include "channel/serial.h"
 
 static const struct serial_settings even_line = {.baud = 19200, .stop_bits = 1, .parity = SERIAL_PARITY_EVEN};
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* How a kind of module writes down which system calls its program makes once it has started: rtud/filter.c. */
-#ifndef OPENRTU_MODULES_CALLS_H
-#define OPENRTU_MODULES_CALLS_H
+#ifndef OPENRTU_PROCESS_CALLS_H
+#define OPENRTU_PROCESS_CALLS_H
 
 #include <asm/ioctls.h>
 #include <asm/termbits.h>
@@ -61,12 +61,12 @@ struct call_rule {
 		}                                                                                            \
 	}
 
-/* modules/serial.c */
+/* channel/serial.c */
 #define SERIAL_PORT_CALLS                                                                                    \
 	OPENING_CALLS, CALL(flock), IOCTL(TCGETS2), IOCTL(TCSETS2), IOCTL(TCFLSH), IOCTL(TIOCEXCL),          \
 	    IOCTL(TIOCGRS485), IOCTL(TIOCSRS485)
 
-/* modules/tcp.c, beside poll. */
+/* channel/tcp.c, beside poll. */
 #define TCP_CONNECTION_CALLS                                                                                 \
 	TCP_SOCKET(AF_INET), TCP_SOCKET(AF_INET6), CALL(connect), CALL(setsockopt), CALL(getsockopt)
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Users of modules whose number is not fixed. */
-#ifndef OPENRTU_MODULES_USERS_H
-#define OPENRTU_MODULES_USERS_H
+#ifndef OPENRTU_MAP_USERS_H
+#define OPENRTU_MAP_USERS_H
 
 #include "map/config.h"
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* A command of another module's point, from its request to its end, with the ten states and the device's real answer. */
-#ifndef OPENRTU_MODULES_COMMANDING_H
-#define OPENRTU_MODULES_COMMANDING_H
+#ifndef OPENRTU_PROCESS_COMMANDING_H
+#define OPENRTU_PROCESS_COMMANDING_H
 
 #include "map/map.h"
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* The command line that rtud starts every module with. */
-#ifndef OPENRTU_MODULES_OPTIONS_H
-#define OPENRTU_MODULES_OPTIONS_H
+#ifndef OPENRTU_PROCESS_OPTIONS_H
+#define OPENRTU_PROCESS_OPTIONS_H
 
 #include <stdbool.h>
 

@@ -5,7 +5,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "modules/heartbeat.h"
+#include "process/heartbeat.h"
 
 #define MS 1000000LL
 

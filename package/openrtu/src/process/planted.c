@@ -5,7 +5,7 @@
  */
 #include <unistd.h>
 
-#include "modules/module.h"
+#include "process/module.h"
 
 int main(int argc, char **argv)
 {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* A module's side of the net: what it asks of the coordinator, and whether that has answered. Nothing here waits. */
-#ifndef OPENRTU_MODULES_SYNCHED_H
-#define OPENRTU_MODULES_SYNCHED_H
+#ifndef OPENRTU_SYNCH_SYNCHED_H
+#define OPENRTU_SYNCH_SYNCHED_H
 
 #include "map/map.h"
 #include "synch/net.h"

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-#include "modules/module.h"
+#include "process/module.h"
 
 #include <errno.h>
 #include <stdio.h>
@@ -7,7 +7,7 @@
 #include <string.h>
 #include <sys/prctl.h>
 
-#include "modules/confine.h"
+#include "process/confine.h"
 
 struct map *module_begin(int argc, char **argv, struct options *options)
 {

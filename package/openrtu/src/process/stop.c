@@ -2,7 +2,7 @@
 #include <signal.h>
 #include <sys/signalfd.h>
 
-#include "modules/module.h"
+#include "process/module.h"
 
 int module_stop_fd(void)
 {

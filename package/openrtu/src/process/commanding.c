@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-#include "modules/commanding.h"
+#include "process/commanding.h"
 
 #include "map/time_ns.h"
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-#include "modules/options.h"
+#include "process/options.h"
 
 #include <errno.h>
 #include <getopt.h>

@@ -8,8 +8,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "modules/serial.h"
-#include "modules/users.h"
+#include "channel/serial.h"
+#include "map/users.h"
 
 #define LINE_SIZE     1024
 #define NAME_SIZE     33 /* shadow-utils: 32 characters */

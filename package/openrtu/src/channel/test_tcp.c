@@ -14,7 +14,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include "modules/tcp.h"
+#include "channel/tcp.h"
 
 #define SOON_MS 2000
 #define HOST    "127.0.0.1"

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-#include "modules/tcp.h"
+#include "channel/tcp.h"
 
 #include <arpa/inet.h>
 #include <errno.h>

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-#include "modules/synched.h"
+#include "synch/synched.h"
 
 #include "synch/config.h"
 #include "synch/stats.h"

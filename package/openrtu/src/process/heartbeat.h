@@ -3,8 +3,8 @@
  * Why a heartbeat was late: the scheduler counts how long it let a process wait that could have run (sched-stats in the
  * kernel's documentation: the second figure of /proc/PID/schedstat, nanoseconds).
  */
-#ifndef OPENRTU_MODULES_HEARTBEAT_H
-#define OPENRTU_MODULES_HEARTBEAT_H
+#ifndef OPENRTU_PROCESS_HEARTBEAT_H
+#define OPENRTU_PROCESS_HEARTBEAT_H
 
 #include <stdint.h>
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-#include "modules/heartbeat.h"
+#include "process/heartbeat.h"
 
 #include <fcntl.h>
 #include <stdio.h>

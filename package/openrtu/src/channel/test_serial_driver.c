@@ -14,8 +14,8 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "modules/serial.h"
-#include "modules/termios2.h"
+#include "channel/serial.h"
+#include "channel/termios2.h"
 
 static struct {
 	struct termios2 settings;

@@ -18,7 +18,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "modules/confine.h"
+#include "process/confine.h"
 #include "rtud/filter.h"
 #include "rtud/kinds.h"
 

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* How a module begins, is asked to stop, and ends: the same for all. Its command line is in options.h, its heartbeat in map.h. */
-#ifndef OPENRTU_MODULES_MODULE_H
-#define OPENRTU_MODULES_MODULE_H
+#ifndef OPENRTU_PROCESS_MODULE_H
+#define OPENRTU_PROCESS_MODULE_H
 
 #include <stddef.h>
 
 #include "map/map.h"
-#include "modules/options.h"
+#include "process/options.h"
 
 /* The exit codes of a module's process. */
 enum module_end {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* A serial port: of a Modbus line, or of a receiver. */
-#ifndef OPENRTU_MODULES_SERIAL_H
-#define OPENRTU_MODULES_SERIAL_H
+#ifndef OPENRTU_CHANNEL_SERIAL_H
+#define OPENRTU_CHANNEL_SERIAL_H
 
 #include <stdbool.h>
 #include <stddef.h>
