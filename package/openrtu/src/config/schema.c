@@ -194,7 +194,7 @@ static json_t *definition(const struct config_table *table)
 		       (json_array_size(required) == 0 || put(out, "required", json_incref(required))) &&
 		       put(out, "additionalProperties", json_false()) &&
 		       put(out, "properties", json_incref(properties));
-	done = done && put_json(out, table->json);
+	done = done && put_json(out, table->json) && (table->add == NULL || table->add(out));
 	json_decref(required);
 	json_decref(properties);
 	if (done)

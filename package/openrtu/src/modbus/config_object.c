@@ -6,58 +6,10 @@
 #include <math.h>
 #include <string.h>
 
-#define BIT(n) (1u << (n))
-
 /* What lies between two bits of a double is read with them: one answer of Modbus holds it. */
 #define APART_MAX 1024
 
 static const uint32_t first_ioa[] = {1, 10001, 30001, 40001};
-
-#define OF_BITS     (BIT(MAP_SINGLE) | BIT(MAP_DOUBLE))
-#define OF_MEASURED (BIT(MAP_NORMALIZED) | BIT(MAP_SCALED) | BIT(MAP_FLOAT))
-#define NOT_COUNTER (~BIT(MAP_COUNTER))
-
-/* The types that give a key a meaning; 0: all do. */
-static const unsigned object_key_types[OBJECT_KEYS] = {
-    [OBJECT_DECIMALS] = BIT(MAP_FLOAT),
-    [OBJECT_SIGNED] = BIT(MAP_NORMALIZED) | BIT(MAP_SCALED),
-    [OBJECT_FORMAT] = OF_MEASURED | BIT(MAP_COUNTER) | BIT(MAP_BITSTRING),
-    [OBJECT_BIT] = OF_BITS,
-    [OBJECT_BITS] = OF_MEASURED | BIT(MAP_BITSTRING), /* a counter of a few bits would go round unnoticed */
-    [OBJECT_INVERTED] = OF_BITS,
-    [OBJECT_BIT_ORDER] = BIT(MAP_DOUBLE),
-    [OBJECT_SCALE_POINTS] = OF_MEASURED,
-    [OBJECT_SCALE_TABLE] = OF_MEASURED,
-    [OBJECT_UNIMPLEMENTED] = OF_MEASURED | BIT(MAP_COUNTER),
-    [OBJECT_DEADBAND] = OF_MEASURED | BIT(MAP_COUNTER),
-    [OBJECT_CYCLIC] = OF_MEASURED, /* IEC 60870-5-101, 7.2.3: only measured values know COT 1 */
-    [OBJECT_BACKGROUND] = OF_BITS | BIT(MAP_STEP) | BIT(MAP_BITSTRING), /* measured values are cyclic */
-    [OBJECT_COUNTER_GROUP] = BIT(MAP_COUNTER),
-    [OBJECT_FREEZE] = BIT(MAP_COUNTER),
-    [OBJECT_SECOND] = BIT(MAP_DOUBLE),
-    [OBJECT_SHORT_PULSE] = OF_BITS,
-    [OBJECT_LONG_PULSE] = OF_BITS,
-    [OBJECT_STEP] = OF_MEASURED,
-    [OBJECT_MIN] = OF_MEASURED,
-    [OBJECT_MAX] = OF_MEASURED,
-    [OBJECT_QUALITY] = BIT(MAP_NORMALIZED), /* 101, 7.3.1: of no other type is there one without */
-    [OBJECT_BLOCKED_BY] = NOT_COUNTER,      /* a BCR knows IV alone */
-    [OBJECT_SUBSTITUTED_BY] = NOT_COUNTER,
-    [OBJECT_NOT_TOPICAL_BY] = NOT_COUNTER,
-};
-/* Of commands: they mean nothing where nothing can be commanded. */
-static const bool is_command_key[OBJECT_KEYS] = {
-    [OBJECT_SELECT] = true, [OBJECT_SHORT_PULSE] = true, [OBJECT_LONG_PULSE] = true, [OBJECT_STEP] = true,
-    [OBJECT_MIN] = true,    [OBJECT_MAX] = true,         [OBJECT_READ_BACK] = true,
-};
-/* Of what is read, or of where else than there commands go. */
-static const bool is_reading_key[OBJECT_KEYS] = {
-    [OBJECT_SCALE_REGISTER] = true, [OBJECT_UNIMPLEMENTED] = true,  [OBJECT_DEADBAND] = true,
-    [OBJECT_CYCLIC] = true,         [OBJECT_BACKGROUND] = true,     [OBJECT_COUNTER_GROUP] = true,
-    [OBJECT_FREEZE] = true,         [OBJECT_STEP] = true,           [OBJECT_BLOCKED_BY] = true,
-    [OBJECT_SUBSTITUTED_BY] = true, [OBJECT_NOT_TOPICAL_BY] = true, [OBJECT_PERIOD] = true,
-    [OBJECT_READ_BACK] = true,      [OBJECT_WRITE_ADDRESS] = true,
-};
 
 static enum map_type object_type(const struct config_value *values, enum modbus_table table)
 {
@@ -72,7 +24,7 @@ static void check_type(struct modbus_loader *loader, const struct config_place *
 	const struct config_place here = modbus_object_key(object, OBJECT_TYPE);
 	bool bits = modbus_is_bit_table(table);
 
-	if ((bits || bit) != ((BIT(type) & OF_BITS) != 0))
+	if ((bits || bit) != ((MODBUS_TYPE(type) & MODBUS_BIT_TYPES) != 0))
 		config_error(loader->report, &here, "%s hold no \"%s\", expected one of %s",
 			     bit ? "bits" : modbus_table_names[table], modbus_type_names[type],
 			     bits || bit
@@ -85,11 +37,12 @@ static void check_meaning(struct modbus_loader *loader, const struct config_plac
 {
 	for (unsigned key = 0; key < OBJECT_KEYS; key++) {
 		const struct config_place here = modbus_object_key(object, key);
+		const struct modbus_meaning *meaning = &modbus_meanings[key];
 
-		if (values[key].given && object_key_types[key] != 0 && !(object_key_types[key] & BIT(type)))
+		if (values[key].given && meaning->types != 0 && !(meaning->types & MODBUS_TYPE(type)))
 			config_error(loader->report, &here, "has no meaning for type %s",
 				     modbus_type_names[type]);
-		if (values[key].given && is_command_key[key] && !modbus_takes_commands(values, table))
+		if (values[key].given && meaning->of_commands && !modbus_takes_commands(values, table))
 			config_error(loader->report, &here, "has no meaning for %s: they cannot be commanded",
 				     modbus_table_names[table]);
 	}
@@ -107,7 +60,7 @@ static void check_write_only(struct modbus_loader *loader, const struct config_p
 	for (unsigned key = 0; values[OBJECT_WRITE_ONLY].integer && key < OBJECT_KEYS; key++) {
 		const struct config_place here = modbus_object_key(object, key);
 
-		if (values[key].given && is_reading_key[key])
+		if (values[key].given && modbus_meanings[key].of_reading)
 			config_error(loader->report, &here, "has no meaning beside write_only");
 	}
 }

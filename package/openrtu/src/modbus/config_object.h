@@ -60,6 +60,21 @@ extern const struct config_rule modbus_object_rules[OBJECT_KEYS];
 /* By enum map_type. */
 extern const char *const modbus_type_names[];
 
+#define MODBUS_TYPE(type)     (1u << (type))
+#define MODBUS_BIT_TYPES      (MODBUS_TYPE(MAP_SINGLE) | MODBUS_TYPE(MAP_DOUBLE))
+#define MODBUS_MEASURED_TYPES (MODBUS_TYPE(MAP_NORMALIZED) | MODBUS_TYPE(MAP_SCALED) | MODBUS_TYPE(MAP_FLOAT))
+#define MODBUS_REGISTER_TYPES                                                                                \
+	(MODBUS_MEASURED_TYPES | MODBUS_TYPE(MAP_STEP) | MODBUS_TYPE(MAP_BITSTRING) |                        \
+	 MODBUS_TYPE(MAP_COUNTER))
+
+/* Where a key means something. */
+struct modbus_meaning {
+	unsigned types;   /* to an object of one of these; 0: of each */
+	bool of_commands; /* where something can be commanded */
+	bool of_reading;  /* where something is read, or commands go elsewhere */
+};
+extern const struct modbus_meaning modbus_meanings[OBJECT_KEYS];
+
 static inline bool modbus_is_bit_table(enum modbus_table table)
 {
 	return table == MODBUS_COILS || table == MODBUS_DISCRETE_INPUTS;

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* The keys of a slave's tables and of the objects in them. */
+#include "modbus/config_meaning_schema.h"
 #include "modbus/config_object.h"
 
 #include <float.h>
@@ -224,39 +225,18 @@ const struct config_rule modbus_object_rules[OBJECT_KEYS] = {
 				       "none of the keys about one. Only coils and holding_registers.",
 				       .see = "configuration.md#written-elsewhere-or-only-written")},
 };
-CONFIG_TABLE(
-    object_table, .name = "object", .rules = modbus_object_rules, .count = OBJECT_KEYS,
-    .json = CONFIG_JSON({
-	    "oneOf" : [ {"required" : ["address"]}, {"required" : ["register"]} ],
-	    "if" : {
-		    "required" : ["address"],
-		    "properties" : {"address" : {"type" : "integer", "minimum" : 10000}}
-	    },
-	    "then" : {"required" : ["ioa"]},
-	    "allOf" : [ {
-		    "if" : {"required" : ["write_only"], "properties" : {"write_only" : {"const" : true}}},
-		    "then" : {
-			    "properties" : {
-				    "scale_register" : false,
-				    "unimplemented" : false,
-				    "deadband" : false,
-				    "cyclic_ms" : false,
-				    "background_ms" : false,
-				    "counter_group" : false,
-				    "freeze_s" : false,
-				    "step" : false,
-				    "blocked_by" : false,
-				    "substituted_by" : false,
-				    "not_topical_by" : false,
-				    "period_ms" : false,
-				    "read_back" : false,
-				    "write_address" : false
-			    }
-		    }
-	    } ]
-    }));
+CONFIG_TABLE(object_table, .name = "object", .rules = modbus_object_rules, .count = OBJECT_KEYS,
+	     .add = modbus_put_write_only,
+	     .json = CONFIG_JSON({
+		     "oneOf" : [ {"required" : ["address"]}, {"required" : ["register"]} ],
+		     "if" : {
+			     "required" : ["address"],
+			     "properties" : {"address" : {"type" : "integer", "minimum" : 10000}}
+		     },
+		     "then" : {"required" : ["ioa"]}
+	     }));
 
-/* What has a meaning for which type and table: modbus/config_object.c says the same to who reads. */
+/* What modbus_meanings cannot say: how many registers a value has, and what goes beside what. */
 CONFIG_TABLE(
     two_registers_table, .name = "two_registers",
     .json = CONFIG_JSON({
@@ -290,43 +270,27 @@ CONFIG_TABLE(four_registers_table, .name = "four_registers",
 		     "properties" :
 			 {"format" : {"enum" : [ "int64", "uint64", "float64", "bcd64", "mod10_64" ]}}
 	     }));
-CONFIG_TABLE(bits_table, .name = "bits", .forms = CONFIG_FORMS(&object_table),
+CONFIG_TABLE(bits_table, .name = "bits", .add = modbus_put_bit_meanings, .forms = CONFIG_FORMS(&object_table),
 	     .json = CONFIG_JSON({
 		     "$ref" : "#/$defs/object",
 		     "properties" : {
 			     "type" : {"enum" : [ "single", "double" ], "default" : "single"},
-			     "decimals" : false,
-			     "format" : false,
-			     "signed" : false,
-			     "quality" : false,
 			     "word_order" : false,
 			     "byte_order" : false,
 			     "scale" : false,
 			     "offset" : false,
-			     "scale_points" : false,
-			     "scale_table" : false,
 			     "scale_register" : false,
-			     "unimplemented" : false,
-			     "deadband" : false,
-			     "cyclic_ms" : false,
-			     "counter_group" : false,
-			     "freeze_s" : false,
-			     "bit" : false,
-			     "bits" : false,
-			     "step" : false,
-			     "min" : false,
-			     "max" : false
+			     "bit" : false
 		     },
 		     "if" : {"required" : ["type"], "properties" : {"type" : {"const" : "double"}}},
 		     "then" : {
 			     "properties" : {"write_address" : {"maximum" : 65534}},
 			     "if" : {"not" : {"required" : ["second_address"]}},
 			     "then" : {"properties" : {"address" : {"maximum" : 65534}}}
-		     },
-		     "else" : {"properties" : {"bit_order" : false, "second_address" : false}}
+		     }
 	     }));
 CONFIG_TABLE(
-    registers_table, .name = "registers",
+    registers_table, .name = "registers", .add = modbus_put_register_meanings,
     .forms = CONFIG_FORMS(&object_table, &two_registers_table, &three_registers_table, &four_registers_table),
     .json = CONFIG_JSON({
 	    "$ref" : "#/$defs/object",
@@ -334,32 +298,10 @@ CONFIG_TABLE(
 		    "type" : {
 			    "enum" : [ "step", "bitstring", "normalized", "scaled", "float", "counter" ],
 			    "default" : "scaled"
-		    },
-		    "inverted" : false,
-		    "bit_order" : false,
-		    "second_address" : false,
-		    "bit" : false,
-		    "short_pulse_ms" : false,
-		    "long_pulse_ms" : false
+		    }
 	    },
 	    "allOf" : [
-		    {
-			    "if" : {
-				    "properties" : {"type" : {"enum" : [ "normalized", "scaled" ]}},
-				    "not" : {"required" : ["format"]}
-			    },
-			    "else" : {"properties" : {"signed" : false}}
-		    },
-		    {
-			    "if" :
-				{"required" : ["type"], "properties" : {"type" : {"const" : "normalized"}}},
-			    "else" : {"properties" : {"quality" : false}}
-		    },
-		    {
-			    "if" : {"required" : ["type"], "properties" : {"type" : {"const" : "step"}}},
-			    "then" : {"properties" : {"format" : false}}
-		    },
-		    {
+		    {"if" : {"required" : ["format"]}, "then" : {"properties" : {"signed" : false}}}, {
 			    "if" : {"required" : ["type"], "properties" : {"type" : {"const" : "bitstring"}}},
 			    "then" : {"properties" : {"format" : {"enum" : [ "uint16", "uint32" ]}}}
 		    },
@@ -395,26 +337,12 @@ CONFIG_TABLE(
 			    }
 		    },
 		    {
-			    "if" : {
-				    "properties" :
-					{"type" : {"enum" : [ "bitstring", "normalized", "scaled", "float" ]}}
-			    },
-			    "else" : {"properties" : {"bits" : false}}
-		    },
-		    {
 			    "if" : {"required" : ["bits"]},
 			    "then" : {"required" : ["ioa"], "properties" : {"signed" : false}}
 		    },
 		    {
 			    "if" : {"properties" : {"type" : {"const" : "counter"}}, "required" : ["type"]},
 			    "then" : {"properties" : {"format" : {"not" : {"const" : "fixed24_8"}}}}
-		    },
-		    {
-			    "if" : {"properties" : {"type" : {"enum" : [ "normalized", "scaled", "float" ]}}},
-			    "else" : {
-				    "properties" :
-					{"scale_points" : false, "scale_table" : false, "cyclic_ms" : false}
-			    }
 		    },
 		    {
 			    "if" : {
@@ -476,79 +404,30 @@ CONFIG_TABLE(
 								    {"required" : ["bits"]}
 							    ]
 						    }
-					    },
-					    {
-						    "required" : ["type"],
-						    "properties" :
-							{"type" : {"enum" : [ "step", "bitstring" ]}}
 					    }
 				    ]
 			    },
 			    "then" : {"properties" : {"unimplemented" : false}}
-		    },
-		    {
-			    "if" : {
-				    "properties" :
-					{"type" : {"enum" : [ "normalized", "scaled", "float", "counter" ]}}
-			    },
-			    "else" : {"properties" : {"deadband" : false}}
-		    },
-		    {
-			    "if" : {"required" : ["type"], "properties" : {"type" : {"const" : "float"}}},
-			    "else" : {"properties" : {"decimals" : false}}
-		    },
-		    {
-			    "if" : {
-				    "required" : ["type"],
-				    "properties" : {"type" : {"enum" : [ "step", "bitstring" ]}}
-			    },
-			    "else" : {"properties" : {"background_ms" : false}}
-		    },
-		    {
-			    "if" : {"required" : ["type"], "properties" : {"type" : {"const" : "counter"}}},
-			    "then" : {
-				    "properties" : {
-					    "blocked_by" : false,
-					    "substituted_by" : false,
-					    "not_topical_by" : false
-				    }
-			    },
-			    "else" : {"properties" : {"counter_group" : false, "freeze_s" : false}}
 		    }
 	    ]
     }));
-CONFIG_TABLE(register_bits_table, .name = "register_bits", .forms = CONFIG_FORMS(&object_table),
+CONFIG_TABLE(register_bits_table, .name = "register_bits", .add = modbus_put_bit_meanings,
+	     .forms = CONFIG_FORMS(&object_table),
 	     .json = CONFIG_JSON({
 		     "$ref" : "#/$defs/object",
 		     "required" : ["ioa"],
 		     "properties" : {
 			     "type" : {"enum" : [ "single", "double" ], "default" : "single"},
 			     "second_address" : false,
-			     "bits" : false,
-			     "decimals" : false,
-			     "format" : false,
-			     "signed" : false,
-			     "quality" : false,
 			     "word_order" : false,
 			     "scale" : false,
 			     "offset" : false,
-			     "scale_points" : false,
-			     "scale_table" : false,
 			     "scale_register" : false,
-			     "unimplemented" : false,
-			     "deadband" : false,
-			     "cyclic_ms" : false,
-			     "counter_group" : false,
-			     "freeze_s" : false,
 			     "short_pulse_ms" : false,
-			     "long_pulse_ms" : false,
-			     "step" : false,
-			     "min" : false,
-			     "max" : false
+			     "long_pulse_ms" : false
 		     },
 		     "if" : {"required" : ["type"], "properties" : {"type" : {"const" : "double"}}},
-		     "then" : {"properties" : {"bit" : {"maximum" : 14}}},
-		     "else" : {"properties" : {"bit_order" : false}}
+		     "then" : {"properties" : {"bit" : {"maximum" : 14}}}
 	     }));
 CONFIG_TABLE(register_table, .name = "register",
 	     .forms = CONFIG_FORMS(&register_bits_table, &registers_table),
@@ -559,48 +438,23 @@ CONFIG_TABLE(register_table, .name = "register",
 	     }));
 CONFIG_SHARED_TABLE(modbus_coil_table, .name = "coil", .forms = CONFIG_FORMS(&bits_table),
 		    .json = CONFIG_JSON({"$ref" : "#/$defs/bits"}));
-CONFIG_SHARED_TABLE(modbus_discrete_input_table, .name = "discrete_input", .forms = CONFIG_FORMS(&bits_table),
+CONFIG_SHARED_TABLE(modbus_discrete_input_table, .name = "discrete_input", .add = modbus_put_commands,
+		    .forms = CONFIG_FORMS(&bits_table),
+		    .json = CONFIG_JSON({"$ref" : "#/$defs/bits", "properties" : {"write_only" : false}}));
+CONFIG_TABLE(commanded_register_table, .name = "commanded_register",
+	     .json = CONFIG_JSON({
+		     "dependentRequired" : {"step" : [ "min", "max" ], "min" : ["max"], "max" : ["min"]},
+		     "if" : {"properties" : {"type" : {"enum" : [ "normalized", "scaled" ]}}},
+		     "then" : {"properties" : {"step" : {"multipleOf" : 1}}}
+	     }));
+CONFIG_SHARED_TABLE(modbus_input_register_table, .name = "input_register", .add = modbus_put_commands,
+		    .forms = CONFIG_FORMS(&register_table, &commanded_register_table),
 		    .json = CONFIG_JSON({
-			    "$ref" : "#/$defs/bits",
+			    "$ref" : "#/$defs/register",
 			    "properties" : {"write_only" : false},
 			    "if" : {"required" : ["write_address"]},
-			    "else" : {
-				    "properties" : {
-					    "select" : false,
-					    "read_back" : false,
-					    "short_pulse_ms" : false,
-					    "long_pulse_ms" : false
-				    }
-			    }
+			    "then" : {"$ref" : "#/$defs/commanded_register"}
 		    }));
-CONFIG_TABLE(
-    commanded_register_table, .name = "commanded_register",
-    .json = CONFIG_JSON({
-	    "dependentRequired" : {"step" : [ "min", "max" ], "min" : ["max"], "max" : ["min"]},
-	    "allOf" : [
-		    {
-			    "if" : {"properties" : {"type" : {"enum" : [ "normalized", "scaled", "float" ]}}},
-			    "else" : {"properties" : {"step" : false, "min" : false, "max" : false}}
-		    },
-		    {
-			    "if" : {"properties" : {"type" : {"enum" : [ "normalized", "scaled" ]}}},
-			    "then" : {"properties" : {"step" : {"multipleOf" : 1}}}
-		    }
-	    ]
-    }));
-CONFIG_SHARED_TABLE(
-    modbus_input_register_table, .name = "input_register",
-    .forms = CONFIG_FORMS(&register_table, &commanded_register_table),
-    .json = CONFIG_JSON({
-	    "$ref" : "#/$defs/register",
-	    "properties" : {"write_only" : false},
-	    "if" : {"required" : ["write_address"]},
-	    "then" : {"$ref" : "#/$defs/commanded_register"},
-	    "else" : {
-		    "properties" :
-			{"select" : false, "read_back" : false, "step" : false, "min" : false, "max" : false}
-	    }
-    }));
 CONFIG_SHARED_TABLE(modbus_holding_register_table, .name = "holding_register",
 		    .forms = CONFIG_FORMS(&register_table, &commanded_register_table),
 		    .json = CONFIG_JSON({
