@@ -17,7 +17,7 @@ from nuc980.pins.claims import claims
 from nuc980.pins.diffing import format_diff, pin_diff
 from nuc980.pins.explain import explain
 from nuc980.pins.report import FORMATS, Checked
-from nuc980.pins.source import read_tree
+from nuc980.pins.source import read_any, read_tree
 
 ROOT = Path(__file__).resolve().parents[3]  # of the tree, for what is generated
 DONE, FOUND, UNUSABLE = 0, 1, 2
@@ -58,6 +58,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     command.add_argument(
         "--part", help="with --chip-only: the chip's part number, which tells the pins of its package"
+    )
+    command.add_argument(
+        "--overlay",
+        action="store_true",
+        help="the first FILE is a base, the others are overlays: check each on the base, and all together",
     )
     command.add_argument("--format", choices=FORMATS, default="text", help="default: text")
     _add_table(command)
@@ -157,7 +162,9 @@ def _check(parsed: argparse.Namespace) -> int:
         raise UnusableInput("--part goes with --chip-only: a pin table names the part itself")
     package = board.package if board else _package(parsed.part, chip)
     checked, unusable = [], 0
-    for file in parsed.files:
+    if parsed.overlay:
+        checked = _check_overlays(parsed, chip, board, package)
+    for file in () if parsed.overlay else parsed.files:
         try:
             checked.append(_check_file(file, parsed, chip, board, package))
         except UnusableInput as error:
@@ -182,6 +189,22 @@ def _check_file(
 
     tree = read_tree(file, parsed.include, parsed.defines)
     return Checked(file, tuple(check(tree, chip, board, package)))
+
+
+def _check_overlays(
+    parsed: argparse.Namespace, chip: Chip, board: Board | None, package: Package | None
+) -> list[Checked]:
+    from nuc980.pins.overlays import check_overlays
+    from nuc980.pins.rules import check
+
+    base, *overlays = parsed.files
+    if not overlays:
+        raise UnusableInput(f"--overlay: {base} is the base; name the overlays behind it")
+    return check_overlays(
+        read_tree(base, parsed.include, parsed.defines, symbols=True),
+        [read_any(file, parsed.include, parsed.defines, symbols=True) for file in overlays],
+        lambda tree: check(tree, chip, board, package),
+    )
 
 
 def _package(part: str | None, chip: Chip) -> Package | None:

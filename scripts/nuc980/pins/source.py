@@ -15,7 +15,7 @@ from pathlib import Path
 
 from nuc980.errors import UnusableInput
 from nuc980.pins.dtb import MAGIC, parse_dtb, read_dtb
-from nuc980.pins.tree import Node, Place, Tree
+from nuc980.pins.tree import BODY, Node, Place, Tree
 
 PATIENCE = 30  # seconds for each program: macros can expand for ever
 MEMORY = 1 << 20  # KiB for each program: an #include of /dev/zero takes all there is
@@ -34,11 +34,26 @@ PROPERTY = re.compile(r"(?:\w+: )*(?P<name>[^\s:;]+)(?: =|;)")
 PLACE = re.compile(r"(?P<file>.+):(?P<line>\d+):\d+-(?:\d+:)?\d+")
 
 
-def read_tree(file: Path, include: Sequence[Path] = (), defines: Sequence[str] = ()) -> Tree:
+def read_tree(
+    file: Path, include: Sequence[Path] = (), defines: Sequence[str] = (), *, symbols: bool = False
+) -> Tree:
     """
-    The tree of a DTB, or of a source, whichever the file's first bytes say. Raises UnusableInput for what is
-    neither, and for an overlay.
+    The tree of a DTB, or of a source, whichever the file's first bytes say; of a source with the labels that
+    overlays refer to, if `symbols`. Raises UnusableInput for what is neither, and for an overlay.
     """
+    tree = read_any(file, include, defines, symbols=symbols)
+    if any(node.name == BODY for fragment in tree.root for node in fragment):
+        raise UnusableInput(
+            f"{file} is an overlay, which cannot be checked without its base; "
+            f"name that first: nuc980-pins check --overlay BASE {file}"
+        )
+    return tree
+
+
+def read_any(
+    file: Path, include: Sequence[Path] = (), defines: Sequence[str] = (), *, symbols: bool = False
+) -> Tree:
+    """As read_tree, of an overlay as well."""
     # A pipe can be read once: what tells source from DTB would be missing in what is read then.
     if file.exists() and not (file.is_file() or file.is_dir()):
         raise UnusableInput(f"{file} is not a regular file; write its content into one, and name that")
@@ -47,24 +62,21 @@ def read_tree(file: Path, include: Sequence[Path] = (), defines: Sequence[str] =
             compiled = stream.read(len(MAGIC)) == MAGIC
     except OSError as error:
         raise UnusableInput(f"{file}: {error.strerror}; name a device tree that can be read") from error
-    tree = read_dtb(file) if compiled else read_source(file, include, defines)
-    if any(node.name == "__overlay__" for fragment in tree.root for node in fragment):
-        raise UnusableInput(
-            f"{file} is an overlay, which needs a base and cannot be checked alone; "
-            "apply it with fdtoverlay, and name the result"
-        )
-    return tree
+    return read_dtb(file) if compiled else read_source(file, include, defines, symbols=symbols)
 
 
-def read_source(file: Path, include: Sequence[Path] = (), defines: Sequence[str] = ()) -> Tree:
+def read_source(
+    file: Path, include: Sequence[Path] = (), defines: Sequence[str] = (), *, symbols: bool = False
+) -> Tree:
     """
-    The tree of a source, with places and labels. `include` are folders for #include and /include/, after the
-    file's own; `defines` are macros, NAME or NAME=VALUE. A pinctrl-N that refers to a label that does not
-    exist has MISSING_PHANDLE there. Raises UnusableInput with what cpp or dtc say.
+    The tree of a source, with places and labels; `symbols` adds dtc's note of the labels. `include` are
+    folders for #include and /include/, after the file's own; `defines` are macros, NAME or NAME=VALUE. A
+    pinctrl-N that refers to a label that does not exist has MISSING_PHANDLE there. Raises UnusableInput with
+    what cpp or dtc say.
     """
     source = _preprocessed(file, include, defines)
     folders = [f"-i{folder}" for folder in (file.parent, *include)]
-    compiled = _run([*DTC, *folders, "-f", "-O", "dtb", "-"], file, source)
+    compiled = _run([*DTC, *folders, "-f", *["-@"] * symbols, "-O", "dtb", "-"], file, source)
     forced = [line for line in compiled.messages if FORCED in line]
     mistakes = UnusableInput(f"{file}: dtc says\n{compiled.errors}\ncorrect the first of these lines")
     if compiled.failed or any(MISSING_LABEL not in line for line in forced):

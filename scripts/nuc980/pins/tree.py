@@ -10,6 +10,7 @@ from pathlib import Path
 
 CELL = 4
 NOTES = ("__symbols__", "__fixups__", "__local_fixups__")  # of dtc at the root, for overlays: no devices
+BODY = "__overlay__"  # of a fragment of an overlay: what it changes
 
 
 @dataclass(frozen=True, order=True)
@@ -40,6 +41,12 @@ class Property:
         if len(self.raw) % CELL:
             return None
         return [int.from_bytes(self.raw[i : i + CELL], "big") for i in range(0, len(self.raw), CELL)]
+
+    def set_cell(self, offset: int, value: int) -> None:
+        """Another value in the cell that begins there."""
+        self.raw = self.raw[:offset] + (value % (1 << 32)).to_bytes(CELL, "big") + self.raw[offset + CELL :]
+        self.__dict__.pop("cells", None)
+        self.__dict__.pop("strings", None)
 
     @cached_property
     def strings(self) -> list[str] | None:
