@@ -64,6 +64,10 @@ def _parser() -> argparse.ArgumentParser:
         action="store_true",
         help="the first FILE is a base, the others are overlays: check each on the base, and all together",
     )
+    command.add_argument(
+        "--fix", action="store_true", help="show as a diff what has one right answer in a line of the source"
+    )
+    command.add_argument("--write", action="store_true", help="with --fix: write it into the source")
     command.add_argument("--format", choices=FORMATS, default="text", help="default: text")
     _add_table(command)
     _add_source_options(command)
@@ -161,12 +165,17 @@ def _check(parsed: argparse.Namespace) -> int:
     if parsed.part and board:
         raise UnusableInput("--part goes with --chip-only: a pin table names the part itself")
     package = board.package if board else _package(parsed.part, chip)
+    if parsed.write and not parsed.fix:
+        raise UnusableInput("--write goes with --fix")
+    if parsed.fix and (parsed.overlay or parsed.format != "text"):
+        raise UnusableInput("--fix shows a diff: it goes without --overlay and without --format")
     checked, unusable = [], 0
     if parsed.overlay:
         checked = _check_overlays(parsed, chip, board, package)
     for file in () if parsed.overlay else parsed.files:
         try:
-            checked.append(_check_file(file, parsed, chip, board, package))
+            one = _check_file(file, parsed, chip, board, package)
+            checked.append(_fix(one, parsed, chip, board, package) if parsed.fix else one)
         except UnusableInput as error:
             unusable += 1
             print(f"nuc980-pins: {error}", file=sys.stderr)
@@ -188,7 +197,29 @@ def _check_file(
     from nuc980.pins.rules import check
 
     tree = read_tree(file, parsed.include, parsed.defines)
-    return Checked(file, tuple(check(tree, chip, board, package)))
+    return Checked(file, tuple(check(tree, chip, board, package)), tree.from_source)
+
+
+def _fix(
+    checked: Checked, parsed: argparse.Namespace, chip: Chip, board: Board | None, package: Package | None
+) -> Checked:
+    """Shows what --fix makes of a source; with --write, what is left then is what counts."""
+    from nuc980.pins.fixing import mended
+    from nuc980.pins.rules import check
+
+    if not checked.from_source:
+        raise UnusableInput(f"{checked.file} is compiled: --fix changes sources; name the .dts")
+    include = [checked.file.parent, *parsed.include]
+    found = mended(
+        checked.file,
+        checked.findings,
+        lambda copy: check(read_tree(copy, include, parsed.defines), chip, board, package),
+    )
+    print(found.diff(), end="")
+    if not parsed.write or found.before == found.after:
+        return checked
+    found.write()
+    return _check_file(checked.file, parsed, chip, board, package)
 
 
 def _check_overlays(

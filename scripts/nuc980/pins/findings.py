@@ -22,6 +22,32 @@ class Claimant:
 
 
 @dataclass(frozen=True)
+class Fix:
+    """The one right answer to a finding, as a change of its line."""
+
+    name: str | None  # of the property that changes; None: a statement comes into the node
+    becomes: str  # 'status = "okay";', "read-only;", nothing; its right name, if the value is kept
+    keeps_value: bool = False
+    place: Place | None = None  # where it is, if not at the finding's place
+
+
+def renamed(name: str, right: str) -> Fix:
+    return Fix(name, right, keeps_value=True)
+
+
+def valued(name: str, value: str) -> Fix:
+    return Fix(name, f"{name} = {value};")
+
+
+def deleted(name: str) -> Fix:
+    return Fix(name, "")
+
+
+def added(statement: str) -> Fix:
+    return Fix(None, statement)
+
+
+@dataclass(frozen=True)
 class Finding:
     """One thing that is wrong."""
 
@@ -32,6 +58,7 @@ class Finding:
     place: Place | None = None
     claimants: tuple[Claimant, ...] = ()
     pins: tuple[str, ...] = ()
+    fix: Fix | None = None  # None: several answers are possible, or only a person knows it
     accepted: str | None = None  # the reason, for one that the pin table accepts
 
 

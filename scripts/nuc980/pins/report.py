@@ -23,6 +23,7 @@ class Checked:
 
     file: Path
     findings: tuple[Finding, ...]  # those that the pin table accepts as well
+    from_source: bool = False
 
     @property
     def open(self) -> list[Finding]:

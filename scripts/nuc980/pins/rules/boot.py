@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from nuc980.pins.findings import Claimant, Finding, at
+from nuc980.pins.findings import Claimant, Finding, added, at
 from nuc980.pins.rules.context import Context, grouped, listed, off, rule, switched_off
 from nuc980.pins.tree import Node
 
@@ -123,6 +123,7 @@ def untyped_memory(context: Context) -> Iterator[Finding]:
                 **at(node, "device_type"),
                 message=f'{node.path} has no device_type = "memory"',
                 remedy=f'Set device_type = "memory" in {node.path}',
+                fix=added('device_type = "memory";'),
             )
 
 

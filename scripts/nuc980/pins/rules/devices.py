@@ -7,11 +7,14 @@ import re
 from collections.abc import Iterator
 
 from nuc980.pins.chip import Peripheral
-from nuc980.pins.findings import Claimant, Finding, at
+from nuc980.pins.findings import Claimant, Finding, Fix, added, at, valued
 from nuc980.pins.rules.context import Context, grouped, listed, rule
 from nuc980.pins.rules.identity import NUMBERS, has_driver_name
 
 DIRECTIONS = ("input", "output-low", "output-high")
+STATUS_WORDS = dict.fromkeys(
+    ("enabled", "enable", "okay", "ok", "on", "true", "yes"), "okay"
+) | dict.fromkeys(("disable", "disabled", "off", "false", "no"), "disabled")
 STATUS = re.compile(r"okay|ok|disabled|reserved|fail(-.*)?")
 # Compatible string: what the driver gives up without, or, port-number of a smart card and bus_freq of an
 # I2C bus, what it goes on without: with an index that nobody set, and a division by zero.
@@ -49,7 +52,14 @@ def unknown_status(context: Context) -> Iterator[Finding]:
             **at(node, "status"),
             message=f"status of {context.name(node)} is {shown}",
             remedy='Write "okay" or "disabled"',
+            fix=_status(values),
         )
+
+
+def _status(values: list[str]) -> Fix | None:
+    """What somebody meant who wrote a status as in other languages."""
+    meant = STATUS_WORDS.get(values[0].strip().casefold()) if len(values) == 1 else None
+    return valued("status", f'"{meant}"') if meant else None
 
 
 @rule(
@@ -71,6 +81,7 @@ def wrong_number(context: Context) -> Iterator[Finding]:
                 **at(node, name),
                 message=f"{peripheral.label} has {name} = <{told}>; it must be {_number(own)}",
                 remedy=f"Set {name} = <{_number(own)}> in {peripheral.label}",
+                fix=valued(name, f"<{_number(own)}>"),
             )
 
 
@@ -181,6 +192,7 @@ def missing_property(context: Context) -> Iterator[Finding]:
                 message=f"{peripheral.label} has no {listed(lacks)}",
                 remedy=f"Set {listed(f'{name} = <{_number(needed[name])}>' for name in lacks)} in "
                 f"{peripheral.label}",
+                fix=added(" ".join(f"{name} = <{_number(needed[name])}>;" for name in lacks)),
             )
 
 

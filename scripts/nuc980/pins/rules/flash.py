@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
-from nuc980.pins.findings import Claimant, Finding, at
+from nuc980.pins.findings import Claimant, Finding, added, at, deleted
 from nuc980.pins.limits import Area, Limits
 from nuc980.pins.rules.context import Context, grouped, listed, rule
 from nuc980.pins.tree import Node
@@ -206,6 +206,7 @@ def boot_writable(context: Context) -> Iterator[Finding]:
                 message=f"the partition {one} is writable and contains the boot loader, which ends at "
                 f"{limits.boot.end:#x}",
                 remedy=f"Add read-only; to {one.label}, or begin it at {limits.boot.end:#x}",
+                fix=added("read-only;") if one.label.casefold() == limits.boot.label else None,
             )
 
 
@@ -224,6 +225,7 @@ def partitions_unread(context: Context) -> Iterator[Finding]:
                 **at(node),
                 message=f"{node.path} has {len(parts)} partition{'s' * (len(parts) > 1)}, and no compatible",
                 remedy=f'Set compatible = "{CONTAINER}" in {node.path}',
+                fix=added(f'compatible = "{CONTAINER}";'),
             )
 
 
@@ -266,6 +268,7 @@ def bad_block_table(context: Context) -> Iterator[Finding]:
                 **at(node, BBT),
                 message=f"{context.name(node)} has {BBT}",
                 remedy=f"Delete {BBT}: without it the kernel reads the marks in the blocks",
+                fix=deleted(BBT),
             )
 
 

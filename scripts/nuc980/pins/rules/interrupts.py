@@ -14,7 +14,7 @@ from nuc980.pins.claims import (
     interrupts_property,
     is_gpio_list,
 )
-from nuc980.pins.findings import Claimant, Finding, at
+from nuc980.pins.findings import Claimant, Finding, at, valued
 from nuc980.pins.rules.context import Context, listed, off, rule, switched_off
 from nuc980.pins.rules.identity import interrupt_sources
 from nuc980.pins.tree import Node
@@ -52,6 +52,7 @@ def wrong_interrupt(context: Context) -> Iterator[Finding]:
             message=f"{peripheral.label} has {has}; it should have {names}",
             remedy=f"Set interrupts = {', '.join(f'<{source} 4 1>' for source in right)} in "
             f"{peripheral.label}, and interrupt-parent in the root to the AIC",
+            fix=valued("interrupts", ", ".join(f"<{source} {HIGH_LEVEL} 1>" for source in right)),
         )
 
 
@@ -98,6 +99,9 @@ def wrong_trigger(context: Context) -> Iterator[Finding]:
                 message=f"{context.name(node)} has interrupt {what}; sources of the AIC are high levels",
                 remedy=f"Write {listed(f'<{cells[0]} {HIGH_LEVEL} 1>' for cells in wrong)} in "
                 f"{interrupts_property(node)} of {context.name(node)}",
+                fix=valued("interrupts", ", ".join(f"<{cells[0]} {HIGH_LEVEL} 1>" for cells in wrong))
+                if len(wrong) * INTERRUPT_CELLS == len(node.cells("interrupts"))
+                else None,
             )
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import yaml
 
 from nuc980.pins.chip import Chip, YamlLoader
-from nuc980.pins.findings import Finding, at
+from nuc980.pins.findings import Finding, at, renamed, valued
 from nuc980.pins.rules.context import Context, off, rule
 from nuc980.pins.tree import Node
 
@@ -39,8 +39,9 @@ def unknown_property(context: Context) -> Iterator[Finding]:
                     "unknown-property",
                     **at(node, name),
                     message=f"{context.name(node)} has {name}, which nothing reads; it probably "
-                    f"means {meant}",
-                    remedy=f"Write {meant}, or delete {name}",
+                    f"means {' or '.join(meant)}",
+                    remedy=f"Write {' or '.join(meant)}, or delete {name}",
+                    fix=renamed(name, meant[0]) if len(meant) == 1 else None,
                 )
 
 
@@ -55,16 +56,18 @@ def known_properties(chip: Chip) -> frozenset[str]:
     return _general().union(*(peripheral.properties for peripheral in chip.peripherals.values()))
 
 
-def _meant(name: str, known: frozenset[str]) -> str | None:
-    """The property that a name is one letter off; None for one that is known, or like none."""
+def _meant(name: str, known: frozenset[str]) -> list[str]:
+    """The properties that a name is one letter off; none for one that is known, or like none."""
     if name in known or NUMBERED.fullmatch(name) or name.endswith(ENDINGS):
-        return None
+        return []
     first, dash, last = name.rpartition("-")
     for ending in ENDINGS if dash else ():
         if last.isalpha() and is_one_off(last, ending):
-            return f"{first}-{ending}"
+            return [f"{first}-{ending}"]
     words = [word for word in (*sorted(known), "pinctrl-0", "pinctrl-1") if len(word) >= SHORTEST]
-    return next((word for word in words if is_one_off(name, word) or _is_cut(name, word)), None)
+    return [word for word in words if is_one_off(name, word)] or [
+        word for word in words if _is_cut(name, word)
+    ]
 
 
 def _is_cut(written: str, meant: str) -> bool:
@@ -174,6 +177,7 @@ def wrong_unit(context: Context) -> Iterator[Finding]:
                         message=f"{name} of {context.name(node)} is {value} {unit.name}; it was probably "
                         f"written in {unit.mistaken}",
                         remedy=f"Write {name} in {unit.name}: <{1000 * value}>",
+                        fix=valued(name, f"<{1000 * value}>"),
                     )
 
 

@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from nuc980.pins.board import Board
 from nuc980.pins.chip import GPIO, Peripheral
-from nuc980.pins.claims import Claim
-from nuc980.pins.findings import Finding, at
+from nuc980.pins.claims import PINS, Claim
+from nuc980.pins.findings import Finding, Fix, at, valued
 from nuc980.pins.rules.context import (
     Context,
     cells_of,
@@ -76,6 +77,7 @@ def table_missing(context: Context) -> Iterator[Finding]:
             remedy=f'Set status = "okay" in {context.name(switched_off(node))}'
             if node
             else f"Add the node {device.peripheral.path}",
+            fix=valued("status", '"okay"') if node and switched_off(node) is node else None,
         )
 
 
@@ -110,9 +112,20 @@ def table_disagrees(context: Context) -> Iterator[Finding]:
             **at(node, claims[0].property),
             message=f"{peripheral.label} has {'; '.join(differences)}",
             remedy=_as_in_table(context, node, device.pins),
+            fix=_group_of_table(context, node, device.pins),
             claimants=claimants(concerned or claims),
             pins=in_order([claim.pin for claim in concerned] + [device.pins[name] for name in lacks]),
         )
+
+
+def _group_of_table(context: Context, node: Node, pins: dict[str, str]) -> Fix | None:
+    """The device's one group with the table's pins, if no other node has it."""
+    groups = {claim.group for claim in context.muxed(node)}
+    [group, *more] = groups
+    if more or any(claim.group is group and claim.node is not node for claim in context.claims):
+        return None
+    cells = ", ".join(cells_of(pin, context.chip.value(pin, signal)) for signal, pin in pins.items())
+    return replace(valued(PINS, cells), place=group.place_of(PINS))
 
 
 def _vital_signals(peripheral: Peripheral) -> set[str]:
