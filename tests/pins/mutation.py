@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from trees import GATEWAY_PINS, cells, device, gateway
 
+from nuc980.pins.environment import Environment
 from nuc980.pins.findings import Finding
 
 
@@ -22,6 +23,7 @@ class Mutation:
     soc: str = ""  # behind the SoC file
     also: tuple[str, ...] = ()  # rules that rightly find the same mistake
     good: str = gateway()
+    environment: Environment = field(default_factory=Environment)
     table: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # pins that the table has besides
 
     def __str__(self) -> str:

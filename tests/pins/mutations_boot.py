@@ -4,6 +4,8 @@
 from mutation import OFF, Mutation, root
 from trees import gateway
 
+from nuc980.pins.environment import Environment, FlashRead
+
 BOOT = """
 / {
     aliases { serial0 = &uart0; ethernet0 = &emac0; ethernet1 = &emac1; };
@@ -29,6 +31,10 @@ def mistake(rule: str, name: str, more: str, *says: str, also: tuple[str, ...] =
 
 def chosen(text: str) -> str:
     return root(f"chosen {{ {text} }};")
+
+
+def reserved(region: str) -> str:
+    return root(f"reserved-memory {{ #address-cells = <1>; #size-cells = <1>; ranges; {region} }};")
 
 
 # Against the pin table, and the limits that it names.
@@ -155,6 +161,99 @@ BOOT_MUTATIONS = [
         "too-much-memory", "command line", chosen('bootargs = "mem=128M";'), "the command line has mem=128M"
     ),
     mistake(
+        "reserved-over-boot",
+        "over the kernel",
+        reserved("fb@0 { reg = <0x0 0x100000>; no-map; };"),
+        "reserves 0x0 to 0x100000; the kernel is at 0x7fc0 to 0x507fc0",
+    ),
+    mistake(
+        "reserved-over-boot",
+        "over the device tree",
+        reserved("fb@a80000 { reg = <0xa80000 0x100000>; };"),
+        "the device tree is at 0xa00000 to 0xb00000",
+    ),
+    mistake(
+        "wrong-initrd",
+        "ends before it begins",
+        chosen("linux,initrd-start = <0x2000000>; linux,initrd-end = <0x1800000>;"),
+        "linux,initrd-end (0x1800000) is not behind linux,initrd-start (0x2000000)",
+    ),
+    mistake(
+        "wrong-initrd",
+        "behind the memory",
+        chosen("linux,initrd-start = <0x5000000>; linux,initrd-end = <0x5800000>;"),
+        "it ends at 0x5800000; memory ends at 0x4000000",
+    ),
+    mistake("wrong-initrd", "no end", chosen("linux,initrd-start = <0x2000000>;"), "is there alone"),
+    mistake(
+        "unknown-node",
+        "chosen misspelt",
+        root('choosen { bootargs = "console=ttyS0"; };'),
+        "/choosen is read by nothing; it probably means chosen",
+    ),
+    mistake(
+        "mtdparts-moved",
+        "the boot loader has less",
+        chosen('bootargs = "mtdparts=nand0:1m(u-boot)ro,5m(kernel),-(rootfs)";'),
+        "kernel from 0x100000 to 0x600000; it is from 0x200000 to 0x700000",
+        "u-boot from 0x0 to 0x100000",
+    ),
+    Mutation(
+        "wrong-boot-command",
+        "more than the partition",
+        says=(
+            "printenv reads 0x600000 bytes at 0x200000; the partition kernel (",
+            "ends before",
+        ),
+        good=gateway(BOOT),
+        environment=Environment("printenv", reads=(FlashRead(0x200000, 0x600000),)),
+    ),
+    mistake(
+        "cut-command-line",
+        "a list",
+        chosen('bootargs = "console=ttyS0", "root=/dev/ram0";'),
+        "bootargs is a list of 2 strings; the kernel reads the first",
+    ),
+    mistake("cut-command-line", "too long", chosen(f'bootargs = "{"x" * 1024}";'), "has 1024 bytes"),
+    mistake("wrong-root", "no UBI", chosen('bootargs = "root=ubi0:rootfs rootfstype=ubifs";'), "no ubi.mtd="),
+    mistake(
+        "wrong-root",
+        "a file system that UBI has not",
+        chosen('bootargs = "ubi.mtd=rootfs root=ubi0:rootfs rootfstype=jffs2";'),
+        "rootfstype=jffs2 is no file system of UBI",
+    ),
+    mistake(
+        "wrong-root", "no card", chosen('bootargs = "root=/dev/mmcblk0p2 rootwait";'), "no SD host is enabled"
+    ),
+    mistake("wrong-root", "no address", chosen('bootargs = "root=/dev/nfs nfsroot=/srv";'), "no ip="),
+    mistake(
+        "wrong-root", "no stick", chosen('bootargs = "root=/dev/sda1 rootwait";'), "no USB host is enabled"
+    ),
+    mistake(
+        "ecc-beyond-spare",
+        "more than a page of 2 KiB has",
+        "&fmi { nand-ecc-strength = <12>; };",
+        "needs 92 bytes of a page's spare, which has 60",
+    ),
+    mistake(
+        "ecc-beyond-spare",
+        "a strength of others",
+        "&fmi { nand-ecc-strength = <4>; };",
+        "corrects 8, 12, 15 and 24",
+    ),
+    mistake(
+        "wrong-console",
+        "another chip's",
+        chosen('bootargs = "console=ttyAMA0,115200";'),
+        "a port of another chip",
+    ),
+    mistake(
+        "wrong-alias",
+        "of no node",
+        root('aliases { rtc0 = "/apb/rtc"; };'),
+        "rtc0 is '/apb/rtc' (not a node)",
+    ),
+    mistake(
         "reserved-outside",
         "behind the memory",
         root(
@@ -240,6 +339,17 @@ RIGHT = {
     ),
     "partitions that are there": chosen('bootargs = "ubi.mtd=rootfs ubi.mtd=3,2048 root=/dev/mtdblock4";'),
     "partitions of the command line": chosen('bootargs = "mtdparts=nand0:1m(a) ubi.mtd=a";'),
+    "an initial RAM disk": chosen(
+        'bootargs = "root=/dev/ram0"; linux,initrd-start = <0x1000000>; linux,initrd-end = <0x1400000>;'
+    ),
+    "root by NFS": chosen('bootargs = "root=/dev/nfs ip=dhcp nfsroot=10.0.0.1:/srv,v3 console=tty0";'),
+    "block of UBI": chosen(
+        'bootargs = "ubi.mtd=rootfs ubi.block=0,0 root=/dev/ubiblock0_0 rootfstype=squashfs";'
+    ),
+    "mtdparts of the tree": chosen(
+        'bootargs = "mtdparts=nand0:2m(u-boot)ro,5m(kernel),1m(device-tree),14m(spare),0x6480000(rootfs)";'
+    ),
+    "a node of one's own": root("memo { };"),
     "no console named": root("chosen { /delete-property/ stdout-path; };"),
     "other aliases": root("aliases { serial4 = &uart4; spi1 = &spi0; };"),
     "kernel in two": "&tree { reg = <0x700000 0x100000>; }; &spare { reg = <0x800000 0x20000>; };",

@@ -124,7 +124,7 @@ PIN_MUTATIONS = [
     Mutation(
         "mux-and-gpio",
         "regulator: the power of a SIM card",
-        root('sim { compatible = "regulator-fixed"; gpio = <&gpio 99 0>; };'),
+        root('sim { compatible = "regulator-fixed"; regulator-name = "s"; gpio = <&gpio 99 0>; };'),
         ("PD3", "gpio of /sim"),
     ),
     Mutation(
@@ -586,7 +586,8 @@ PIN_MUTATIONS = [
     Mutation(
         "gpio-conflict",
         "supply and LED",
-        led("&gpio 6 0") + root('supply { compatible = "regulator-fixed"; gpio = <&gpio 6 0>; };'),
+        led("&gpio 6 0")
+        + root('supply { compatible = "regulator-fixed"; regulator-name = "s"; gpio = <&gpio 6 0>; };'),
         ("/leds/led-0 (gpios) and /supply (gpio)",),
     ),
     Mutation(

@@ -12,6 +12,17 @@ def chip(bus: str, name: str, more: str) -> str:
     return f'&{bus} {{ {name} {{ compatible = "acme,part"; {more} }}; }};'
 
 
+LAMP = """/ {{ leds {{ compatible = "gpio-leds"; a {{ gpios = <&gpio 6 0>; {} }}; }}; }};"""
+SUPPLY = """/ {{ supply {{ compatible = "regulator-fixed"; regulator-name = "x";
+    regulator-min-microvolt = {}; regulator-max-microvolt = {}; }}; }};
+"""
+EXPANDER = """&i2c0 { ex: gpio@20 { compatible = "nxp,pca9535"; reg = <0x20>;
+    gpio-controller; #gpio-cells = <2>; }; };
+"""
+LAMPS = """/ {{ leds {{ compatible = "gpio-leds";
+    a {{ gpios = <&ex {} 0>; }}; b {{ gpios = <&ex {} 0>; }}; }}; }};
+"""
+
 # Against the chip.
 PROPERTY_MUTATIONS = [
     Mutation(
@@ -177,6 +188,72 @@ PROPERTY_MUTATIONS = [
     ),
 ]
 
+PROPERTY_MUTATIONS += [
+    Mutation(
+        "unknown-property",
+        "two words misspelt",
+        on("uart1", "interupt-parnt = <&aic>;"),
+        ("it probably means interrupt-parent",),
+    ),
+    Mutation(
+        "unknown-property", "other dashes", on("fmi", 'NAND_ECC_algo = "bch";'), ("means nand-ecc-algo",)
+    ),
+    Mutation(
+        "wrong-value", "of a lamp", LAMP.format('default-state = "enabled";'), ('one of "on", "off", "keep"',)
+    ),
+    Mutation("wrong-value", "of RMII", on("emac0", 'phy-mode = "rgmii";'), ("phy-mode of emac0 is rgmii",)),
+    Mutation(
+        "wrong-value",
+        "a link too fast",
+        on("emac1", "fixed-link { speed = <1000>; full-duplex; };"),
+        ("is 1000; RMII has 100 Mbit/s",),
+    ),
+    Mutation("wrong-value", "sixteen data lines", on("fmi", "nand-bus-width = <16>;"), ("eight data lines",)),
+    Mutation(
+        "wrong-value",
+        "least above most",
+        SUPPLY.format("<5000000>", "<3300000>"),
+        ("is 5000000, above regulator-max-microvolt, 3300000",),
+    ),
+    Mutation(
+        "wrong-unit",
+        "a key in microseconds",
+        root(
+            'k { compatible = "gpio-keys"; a { gpios = <&gpio 6 1>; linux,code = <28>;'
+            " debounce-interval = <20000>; }; };"
+        ),
+        ("20000 milliseconds; it was probably written in microseconds", "<20>"),
+    ),
+    Mutation("wrong-unit", "a watchdog in ms", on("wdt", "timeout-sec = <60000>;"), ("<60>",)),
+    Mutation(
+        "missing-property",
+        "a bus of one line",
+        root(
+            'i2c { compatible = "i2c-gpio"; sda-gpios = <&gpio 6 6>;'
+            " #address-cells = <1>; #size-cells = <0>; };"
+        ),
+        ("/i2c has no scl-gpios or gpios",),
+    ),
+    Mutation(
+        "wrong-compatible",
+        "of lamps, a letter short",
+        root('leds { compatible = "gpio-led"; a { gpios = <&gpio 6 0>; }; };'),
+        ("/leds is 'gpio-led'; it probably means 'gpio-leds'",),
+    ),
+    Mutation(
+        "expander-line",
+        "two lamps on one",
+        I2C_BUS + EXPANDER + LAMPS.format(3, 3),
+        ("line 3 of ex is of /leds/a (gpios) and /leds/b (gpios)",),
+    ),
+    Mutation(
+        "expander-line",
+        "the seventeenth",
+        I2C_BUS + EXPANDER + LAMPS.format(3, 16),
+        ("/leds/b (gpios) wants line 16 of ex, which has 16",),
+    ),
+]
+
 # What is right and looks like one of them.
 RIGHT = {
     "quad": UART3_OFF
@@ -187,12 +264,17 @@ RIGHT = {
     + chip("spi0", "dac@2", "reg = <2>;"),
     "open drain": root('i2c { compatible = "i2c-gpio"; sda-gpios = <&gpio 6 6>; scl-gpios = <&gpio 5 7>; };')
     + '&uart6 { status = "disabled"; };',
-    "clock": root('osc: osc { compatible = "fixed-clock"; #clock-cells = <0>; };')
+    "clock": root(
+        'osc: osc { compatible = "fixed-clock"; #clock-cells = <0>; clock-frequency = <12000000>; };'
+    )
     + "&uart2 { clocks = <&osc>; };",
     "zeros for U-Boot": on("emac0", "local-mac-address = [00 00 00 00 00 00];")
     + on("emac1", "local-mac-address = [00 00 00 00 00 00];"),
     "one part, two variants": I2C_BUS
     + chip("i2c0", "codec@1a", "reg = <0x1a>;")
     + chip("i2c0", "eeprom@1a", 'reg = <0x1a>; status = "disabled";'),
+    "lines of an expander": I2C_BUS + EXPANDER + LAMPS.format(0, 15),
+    "values": LAMP.format('default-state = "keep";')
+    + on("emac0", 'phy-mode = "rmii"; fixed-link { speed = <100>; };'),
     "names of one's own": root("aliases { labels = &uart1; };") + on("uart1", "acme,pinctrl = <0>;"),
 }

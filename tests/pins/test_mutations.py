@@ -55,7 +55,7 @@ def test_mistake_against_the_chip(mutation: Mutation, tmp_path: Path) -> None:
 def test_mistake_against_the_pin_table(mutation: Mutation, tmp_path: Path) -> None:
     tree = read(tmp_path, mutation.good + mutation.more, mutation.soc)
     table = replace(BOARD, devices=BOARD.devices | more_pins(mutation.table))
-    assert_found(mutation, check(tree, CHIP, table, BOARD.package))
+    assert_found(mutation, check(tree, CHIP, table, BOARD.package, mutation.environment))
 
 
 def more_pins(pins: Mapping[str, Mapping[str, str]]) -> dict[str, Device]:

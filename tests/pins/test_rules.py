@@ -162,7 +162,8 @@ QUIET = {
     '&wwdt { status = "reserved"; };',
     "two supplies that one line switches": "/ { "
     + " ".join(
-        f'supply{number} {{ compatible = "regulator-fixed"; gpio = <&gpio 6 0>; }};' for number in (1, 2)
+        f'supply{number} {{ compatible = "regulator-fixed"; regulator-name = "s"; gpio = <&gpio 6 0>; }};'
+        for number in (1, 2)
     )
     + " };",
     "PDMA with its controller": RS485.replace(", <0 8 2 0>", "")

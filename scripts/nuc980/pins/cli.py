@@ -6,18 +6,21 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from nuc980 import PIN_TABLE, VERSION
 from nuc980.boards import GATEWAY, board_names, pin_table
 from nuc980.errors import UnusableInput
 from nuc980.pins.board import Board, load_board
+from nuc980.pins.checking import Checker
 from nuc980.pins.chip import Chip, Package, load_chip
 from nuc980.pins.claims import claims
 from nuc980.pins.diffing import format_diff, pin_diff
+from nuc980.pins.environment import Environment, read_environment
 from nuc980.pins.explain import explain
 from nuc980.pins.report import FORMATS, Checked
-from nuc980.pins.source import read_any, read_tree
+from nuc980.pins.source import read_tree
 
 ROOT = Path(__file__).resolve().parents[3]  # of the tree, for what is generated
 DONE, FOUND, UNUSABLE = 0, 1, 2
@@ -63,6 +66,18 @@ def _parser() -> argparse.ArgumentParser:
         "--overlay",
         action="store_true",
         help="the first FILE is a base, the others are overlays: check each on the base, and all together",
+    )
+    command.add_argument(
+        "--command-line",
+        default="",
+        metavar="TEXT",
+        help="the kernel's, beside what the tree has: CONFIG_CMDLINE",
+    )
+    command.add_argument(
+        "--environment",
+        type=Path,
+        metavar="FILE",
+        help="U-Boot's, as printenv prints it: checked with the tree",
     )
     command.add_argument(
         "--fix", action="store_true", help="show as a diff what has one right answer in a line of the source"
@@ -160,22 +175,18 @@ def _generate(parsed: argparse.Namespace) -> int:
 
 
 def _check(parsed: argparse.Namespace) -> int:
-    chip = load_chip()
-    board = None if parsed.chip_only else _board(parsed, chip)
-    if parsed.part and board:
-        raise UnusableInput("--part goes with --chip-only: a pin table names the part itself")
-    package = board.package if board else _package(parsed.part, chip)
     if parsed.write and not parsed.fix:
         raise UnusableInput("--write goes with --fix")
     if parsed.fix and (parsed.overlay or parsed.format != "text"):
         raise UnusableInput("--fix shows a diff: it goes without --overlay and without --format")
+    checker = _checker(parsed)
     checked, unusable = [], 0
     if parsed.overlay:
-        checked = _check_overlays(parsed, chip, board, package)
+        checked = checker.overlays(parsed.files[0], parsed.files[1:])
     for file in () if parsed.overlay else parsed.files:
         try:
-            one = _check_file(file, parsed, chip, board, package)
-            checked.append(_fix(one, parsed, chip, board, package) if parsed.fix else one)
+            one = checker.file(file)
+            checked.append(_fix(one, checker, parsed.write) if parsed.fix else one)
         except UnusableInput as error:
             unusable += 1
             print(f"nuc980-pins: {error}", file=sys.stderr)
@@ -187,55 +198,32 @@ def _check(parsed: argparse.Namespace) -> int:
     return FOUND if any(one.open for one in checked) else DONE
 
 
-def _board(parsed: argparse.Namespace, chip: Chip) -> Board:
-    return load_board(parsed.table or pin_table(parsed.board), chip)
+def _checker(parsed: argparse.Namespace) -> Checker:
+    chip = load_chip()
+    board = None if parsed.chip_only else _board(parsed, chip)
+    if parsed.part and board:
+        raise UnusableInput("--part goes with --chip-only: a pin table names the part itself")
+    package = board.package if board else _package(parsed.part, chip)
+    return Checker(chip, board, package, _environment(parsed), parsed.include, parsed.defines)
 
 
-def _check_file(
-    file: Path, parsed: argparse.Namespace, chip: Chip, board: Board | None, package: Package | None
-) -> Checked:
-    from nuc980.pins.rules import check
-
-    tree = read_tree(file, parsed.include, parsed.defines)
-    return Checked(file, tuple(check(tree, chip, board, package)), tree.from_source)
+def _environment(parsed: argparse.Namespace) -> Environment:
+    told = read_environment(parsed.environment) if parsed.environment else Environment()
+    return replace(told, words=(*told.words, *parsed.command_line.split()))
 
 
-def _fix(
-    checked: Checked, parsed: argparse.Namespace, chip: Chip, board: Board | None, package: Package | None
-) -> Checked:
-    """Shows what --fix makes of a source; with --write, what is left then is what counts."""
-    from nuc980.pins.fixing import mended
-    from nuc980.pins.rules import check
-
-    if not checked.from_source:
-        raise UnusableInput(f"{checked.file} is compiled: --fix changes sources; name the .dts")
-    include = [checked.file.parent, *parsed.include]
-    found = mended(
-        checked.file,
-        checked.findings,
-        lambda copy: check(read_tree(copy, include, parsed.defines), chip, board, package),
-    )
+def _fix(checked: Checked, checker: Checker, write: bool) -> Checked:
+    """Shows what --fix makes of a source; if that is written, what is left then is what counts."""
+    found = checker.mended(checked)
     print(found.diff(), end="")
-    if not parsed.write or found.before == found.after:
+    if not write or found.before == found.after:
         return checked
     found.write()
-    return _check_file(checked.file, parsed, chip, board, package)
+    return checker.file(checked.file)
 
 
-def _check_overlays(
-    parsed: argparse.Namespace, chip: Chip, board: Board | None, package: Package | None
-) -> list[Checked]:
-    from nuc980.pins.overlays import check_overlays
-    from nuc980.pins.rules import check
-
-    base, *overlays = parsed.files
-    if not overlays:
-        raise UnusableInput(f"--overlay: {base} is the base; name the overlays behind it")
-    return check_overlays(
-        read_tree(base, parsed.include, parsed.defines, symbols=True),
-        [read_any(file, parsed.include, parsed.defines, symbols=True) for file in overlays],
-        lambda tree: check(tree, chip, board, package),
-    )
+def _board(parsed: argparse.Namespace, chip: Chip) -> Board:
+    return load_board(parsed.table or pin_table(parsed.board), chip)
 
 
 def _package(part: str | None, chip: Chip) -> Package | None:

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,8 @@ class Limits:
     kernel: Area | None  # where the factory's boot command reads it
     device_tree: Area | None
     root: Area | None  # where an image puts it
+    page: int | None = None  # of the flash
+    loaded: dict[str, range] = field(default_factory=dict)  # what the boot loader puts into memory: where
 
     @property
     def areas(self) -> tuple[Area, ...]:
@@ -53,6 +56,8 @@ def load_limits(file: Path) -> Limits:
             memory=_size(data["memory"]["size"]),
             flash=_size(flash["size"]),
             block=_size(flash["block"]),
+            page=_size(flash["page"]) if "page" in flash else None,
+            loaded=dict(_loaded(data["memory"], flash)),
             **{name: _area(flash.get(name)) for name in ("boot", "kernel", "device_tree", "root")},
         )
     except OSError as error:
@@ -68,6 +73,16 @@ def load_limits(file: Path) -> Limits:
         raise UnusableInput(
             f"{file}: {error!r}; it must be a table as board/nuc980/boards/gateway/image-limits.toml"
         ) from error
+
+
+def _loaded(memory: dict[str, Any], flash: dict[str, Any]) -> Iterator[tuple[str, range]]:
+    """The part of the flash as the boot command reads it to its place."""
+    for what, place, part in (
+        ("the kernel", "uimage", "kernel"),
+        ("the device tree", "device_tree", "device_tree"),
+    ):
+        if place in memory and part in flash:
+            yield what, range(memory[place], memory[place] + _size(flash[part]["size"]))
 
 
 def _area(row: Any) -> Area | None:

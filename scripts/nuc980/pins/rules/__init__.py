@@ -8,10 +8,12 @@ from dataclasses import replace
 
 from nuc980.pins.board import Board
 from nuc980.pins.chip import Chip, Package
+from nuc980.pins.environment import Environment
 from nuc980.pins.findings import Finding
 from nuc980.pins.rules import (
     addresses,
     boot,
+    command_line,
     devices,
     flash,
     groups,
@@ -21,6 +23,7 @@ from nuc980.pins.rules import (
     serial_buses,
     sets,
     table,
+    values,
 )
 from nuc980.pins.rules.context import Context, Rule
 from nuc980.pins.tree import Tree
@@ -33,23 +36,29 @@ THEMES = (
     interrupts,
     devices,
     properties,
+    values,
     serial_buses,
     flash,
     boot,
+    command_line,
     table,
 )
 RULES: dict[str, Rule] = {rule.name: rule for theme in THEMES for rule in theme.RULES}
 
 
 def check(
-    tree: Tree, chip: Chip, board: Board | None = None, package: Package | None = None
+    tree: Tree,
+    chip: Chip,
+    board: Board | None = None,
+    package: Package | None = None,
+    environment: Environment | None = None,
 ) -> list[Finding]:
     """
     Everything that a tree does wrong, in the order of its places: against the chip, with a board against its
-    pin table as well, with a package against what that brings out. What the pin table accepts comes with the
-    reason.
+    pin table as well, with a package against what that brings out, and together with what is said beside it.
+    What the pin table accepts comes with the reason.
     """
-    context = Context(tree, chip, board, package)
+    context = Context(tree, chip, board, package, environment or Environment())
     found = (finding for rule in RULES.values() for finding in rule.find(context))
     return sorted(_accept(dict.fromkeys(found), board), key=_position)
 

@@ -9,13 +9,17 @@ from dataclasses import dataclass
 
 from nuc980.pins.findings import Claimant, Finding, added, at
 from nuc980.pins.rules.context import Context, grouped, listed, off, rule, switched_off
+from nuc980.pins.rules.properties import is_one_off
 from nuc980.pins.tree import Node
 
 MEMORY_WORD = re.compile(r"mem=(?P<size>0[xX][0-9a-fA-F]+|\d+)(?P<unit>[KkMmGg]?)(?:@.*)?")
 UNITS = {"": 0, "k": 10, "m": 20, "g": 30}
 CONSOLE_WORD = re.compile(r"console=(?P<tty>[A-Za-z]+\d*)(?:,.*)?")
+FOREIGN_TTY = re.compile(r"tty(AMA|mxc|O|SAC|PS|HS|STM|LP|MV|UL|SC|AS|MSM|LXU|FIQ|CPM)\d+")
 SERIAL = re.compile(r"serial(\d+)")
 ETHERNET = re.compile(r"ethernet(\d+)")
+INITRD = ("linux,initrd-start", "linux,initrd-end")
+NODES = ("chosen", "aliases", "memory", "reserved-memory", "cpus")
 MAC = ("mac-address", "local-mac-address")
 LEAST_MEMORY = 8 << 20
 
@@ -40,12 +44,11 @@ def _memory(context: Context) -> list[Told]:
         if node.enabled and (node.base_name == "memory" or "memory" in node.strings("device_type"))
         for start, size in _pairs(node)
     ]
-    chosen = context.tree.find("/chosen")
     for word in context.command_line:
         told = MEMORY_WORD.fullmatch(word)
-        if told and chosen:
+        if told:
             size = int(told["size"], 0) << UNITS[told["unit"].lower()]
-            found.append(Told(chosen, "bootargs", f"the command line has {word}", size))
+            found.append(Told(context.chosen, "bootargs", f"the command line has {word}", size))
     return found
 
 
@@ -128,6 +131,75 @@ def untyped_memory(context: Context) -> Iterator[Finding]:
 
 
 @rule(
+    "reserved-over-boot",
+    "A reserved region lies where the boot loader puts the kernel or the device tree.",
+    "The kernel runs from there, or reads the tree there, before it knows of the region. It dies without a "
+    "message, or whoever has the region overwrites it.",
+)
+def reserved_over_boot(context: Context) -> Iterator[Finding]:
+    limits = context.board.limits if context.board else None
+    for node in context.tree.find("/reserved-memory") or () if limits else ():
+        for start, size in _pairs(node):
+            for what, place in limits.loaded.items():
+                if node.enabled and start < place.stop and place.start < start + size:
+                    yield Finding(
+                        "reserved-over-boot",
+                        **at(node, "reg"),
+                        message=f"{node.path} reserves {start:#x} to {start + size:#x}; {what} is at "
+                        f"{place.start:#x} to {place.stop:#x}",
+                        remedy=f"Set reg of {node.name} to a region behind {place.stop:#x}, or correct "
+                        f"{limits.file.name}",
+                    )
+
+
+@rule(
+    "wrong-initrd",
+    "The tree tells the kernel of an initial RAM disk that cannot be.",
+    "The kernel ignores it and finds no root file system, or reads memory that does not exist.",
+)
+def wrong_initrd(context: Context) -> Iterator[Finding]:
+    chosen = context.tree.find("/chosen")
+    told = [name for name in INITRD if chosen and name in chosen.properties]
+    if not told:
+        return
+    start, end = (
+        int.from_bytes(chosen.properties[name].raw, "big") if name in told else None for name in INITRD
+    )
+    memory = max((told.end for told in _memory(context) if told.property == "reg"), default=0)
+    if start is None or end is None:
+        fault = f"{told[0]} is there alone"
+    elif end <= start:
+        fault = f"{INITRD[1]} ({end:#x}) is not behind {INITRD[0]} ({start:#x})"
+    elif memory and end > memory:
+        fault = f"it ends at {end:#x}; memory ends at {memory:#x}"
+    else:
+        return
+    yield Finding(
+        "wrong-initrd",
+        **at(chosen, told[-1]),
+        message=f"of the initial RAM disk {fault}",
+        remedy=f"Write where it begins and ends, or delete {listed(told)}: a boot loader writes them",
+    )
+
+
+@rule(
+    "unknown-node",
+    "A node of the root is called nearly as one that the kernel looks for by its name.",
+    "Nothing reads it: a kernel without its command line, its memory or its aliases, and no message.",
+)
+def unknown_node(context: Context) -> Iterator[Finding]:
+    for node in context.tree.root:
+        nearest = [name for name in NODES if is_one_off(node.base_name, name)]
+        if nearest and "compatible" not in node.properties:
+            yield Finding(
+                "unknown-node",
+                **at(node),
+                message=f"{node.path} is read by nothing; it probably means {nearest[0]}",
+                remedy=f"Call it {nearest[0]}, or delete it",
+            )
+
+
+@rule(
     "reserved-unread",
     "The node of reserved regions is not written as the kernel reads it.",
     "The kernel wants ranges, and #address-cells and #size-cells as the root has them. Else it reserves "
@@ -164,7 +236,7 @@ def wrong_console(context: Context) -> Iterator[Finding]:
         if fault:
             yield Finding(
                 "wrong-console",
-                **at(context.tree.find("/chosen"), name),
+                **at(context.chosen, name),
                 message=f"{told} is {fault}",
                 remedy=_right_console(context, node),
             )
@@ -182,6 +254,8 @@ def _consoles(context: Context) -> Iterator[tuple[str, str, Node | None, str]]:
         if tty.startswith("ttyS"):
             port = _port(context, tty.removeprefix("ttyS"))
             yield "bootargs", word[0], port, "" if port else "not a port of this tree"
+        elif FOREIGN_TTY.fullmatch(tty):
+            yield "bootargs", word[0], None, "a port of another chip: those of the NUC980 are ttyS0 to ttyS9"
 
 
 def _by_path(context: Context, name: str) -> tuple[Node | None, str]:
@@ -230,7 +304,7 @@ def _right_console(context: Context, named: Node | None) -> str:
 
 @rule(
     "wrong-alias",
-    "The number of an alias is not the number of its port.",
+    "The number of an alias is not the number of its port, or the alias is of no node.",
     "ttyS1 is the UART with port-number 1, whatever serial1 says; stdout-path and people follow the alias "
     "to another port. U-Boot writes the MAC addresses to ethernet0 and ethernet1; if the two are exchanged, "
     "each port gets the other's address.",
@@ -242,13 +316,14 @@ def wrong_alias(context: Context) -> Iterator[Finding]:
         right = _right_label(context, name)
         node = context.tree.find(path) if path.startswith("/") else None
         peripheral = context.peripherals.get(node) if node else None
-        if right is None or (peripheral and peripheral.label == right):
+        if node and (right is None or (peripheral and peripheral.label == right)):
             continue
+        has = context.name(node) if node else f"{path!r} (not a node)"
         yield Finding(
             "wrong-alias",
             **at(aliases, name),
-            message=f"{name} is {context.name(node) if node else f'{path!r} (not a node)'}, not {right}",
-            remedy=f"Write {name} = &{right}, or delete {name}",
+            message=f"{name} is {has}" + (f", not {right}" if right else ""),
+            remedy=f"Write {name} = &{right or 'LABEL'}, or delete {name}",
         )
 
 
@@ -302,7 +377,10 @@ RULES = (
     too_little_memory,
     untyped_memory,
     reserved_outside,
+    reserved_over_boot,
     reserved_unread,
+    wrong_initrd,
+    unknown_node,
     wrong_console,
     wrong_alias,
     bad_mac,

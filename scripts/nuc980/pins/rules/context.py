@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 from nuc980.pins.board import Board
@@ -21,6 +21,7 @@ from nuc980.pins.claims import (
     pin_controller,
     states,
 )
+from nuc980.pins.environment import Environment
 from nuc980.pins.findings import Claimant, Finding
 from nuc980.pins.rules.identity import identify
 from nuc980.pins.tree import Node, Tree
@@ -49,6 +50,7 @@ class Context:
     chip: Chip
     board: Board | None  # None: the rules of the pin table do not run
     package: Package | None  # None: nothing is known of what it brings out
+    environment: Environment = field(default_factory=Environment)  # what is said beside the tree
 
     @cached_property
     def claims(self) -> list[Claim]:
@@ -101,11 +103,17 @@ class Context:
         """All pin groups, used or not."""
         return [group for function in self.pinctrl or () for group in function]
 
+    @property
+    def chosen(self) -> Node:
+        """Where the tree has what a kernel is told, or would have it."""
+        return self.tree.find("/chosen") or self.tree.root
+
     @cached_property
     def command_line(self) -> list[str]:
-        """The kernel's, word by word, as far as the tree has one."""
+        """The kernel's, word by word: what the tree has of it, and what is said beside."""
         chosen = self.tree.find("/chosen")
-        return " ".join(chosen.strings("bootargs")).split() if chosen else []
+        own = " ".join(chosen.strings("bootargs")).split() if chosen else []
+        return [*own, *self.environment.words]
 
     def muxed(self, node: Node) -> list[Claim]:
         return [claim for claim in self.claims_of.get(node, ()) if claim.muxed]

@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 from nuc980.pins.chip import Peripheral
 from nuc980.pins.findings import Claimant, Finding, Fix, added, at, valued
 from nuc980.pins.rules.context import Context, grouped, listed, rule
 from nuc980.pins.rules.identity import NUMBERS, has_driver_name
+from nuc980.pins.rules.properties import is_one_off
+from nuc980.pins.tree import Node
 
 DIRECTIONS = ("input", "output-low", "output-high")
 STATUS_WORDS = dict.fromkeys(
@@ -32,6 +34,38 @@ NEEDED = {
 PARTS = {
     "gpio-leds": (("gpios", "gpio"),),
     "gpio-keys": (("linux,code",), ("gpios", "gpio", "interrupts", "interrupts-extended")),
+}
+
+
+# Compatible string: of which properties the node itself needs one each.
+WHOLES = {
+    "i2c-gpio": (("sda-gpios", "gpios"), ("scl-gpios", "gpios")),
+    "spi-gpio": (("sck-gpios", "gpio-sck"),),
+    "gpio-keys-polled": (("poll-interval",),),
+    "fixed-clock": (("clock-frequency",),),
+    "regulator-fixed": (("regulator-name",),),
+    "regulator-gpio": (("gpios",), ("states",)),
+    **dict.fromkeys(
+        ("w1-gpio", "gpio-poweroff", "gpio-restart", "pps-gpio", "rotary-encoder"), (("gpios",),)
+    ),
+    "iio-hwmon": (("io-channels",),),
+    "fixed-partitions": (("#address-cells",), ("#size-cells",)),
+}
+
+
+GENERIC = frozenset(WHOLES) | {
+    *PARTS,
+    *(
+        "pwm-leds",
+        "simple-bus",
+        "simple-mfd",
+        "syscon",
+        "gpio-fan",
+        "gpio-mux",
+        "gpio-matrix-keypad",
+        "mdio-gpio",
+    ),
+    *("jedec,spi-nor", "spi-nand", "ramoops", "shared-dma-pool", "usb-nop-xceiv", "fixed-factor-clock"),
 }
 
 
@@ -91,6 +125,7 @@ def wrong_number(context: Context) -> Iterator[Finding]:
     "The device is in the tree, but never in the system, and nothing is logged.",
 )
 def wrong_compatible(context: Context) -> Iterator[Finding]:
+    yield from _generic(context)
     for node, peripheral in context.peripherals.items():
         if not has_driver_name(node, peripheral):
             yield Finding(
@@ -107,6 +142,22 @@ def wrong_compatible(context: Context) -> Iterator[Finding]:
                 message=f"{peripheral.label} is enabled, but no kernel of the vendor has a driver for "
                 f"{peripheral.compatible[0]}",
                 remedy=f'Set status = "disabled" in {peripheral.label}, or delete the node',
+            )
+
+
+def _generic(context: Context) -> Iterator[Finding]:
+    """Of nodes that are no blocks of the chip: what is one letter off what the kernel knows."""
+    for node in context.enabled:
+        strings = node.strings("compatible")
+        nearest = [(has, name) for has in strings for name in GENERIC if is_one_off(has, name)]
+        if node not in context.peripherals and nearest and not GENERIC.intersection(strings):
+            has, name = nearest[0]
+            yield Finding(
+                "wrong-compatible",
+                **at(node, "compatible"),
+                message=f"{node.path} is {has!r}; it probably means {name!r}",
+                remedy=f'Set compatible = "{name}" in {node.path}',
+                fix=valued("compatible", f'"{name}"') if len(strings) == 1 else None,
             )
 
 
@@ -175,7 +226,7 @@ def _is_uart(peripheral: Peripheral) -> bool:
     "one key without a code, the driver gives up all of them.",
 )
 def missing_property(context: Context) -> Iterator[Finding]:
-    yield from _lamps_and_keys(context)
+    yield from _parts_and_wholes(context)
     for node, peripheral in context.devices.items():
         needed = {
             name: value
@@ -196,19 +247,24 @@ def missing_property(context: Context) -> Iterator[Finding]:
             )
 
 
-def _lamps_and_keys(context: Context) -> Iterator[Finding]:
-    """Each is a child of one node: with one that lacks something none of them is there."""
-    for parent in context.enabled:
-        for kind, needed in PARTS.items():
-            for node in parent if kind in parent.strings("compatible") else ():
-                lacks = [names for names in needed if not set(names) & node.properties.keys()]
-                if node.enabled and lacks:
-                    yield Finding(
-                        "missing-property",
-                        **at(node),
-                        message=f"{node.path} has no {listed(' or '.join(names) for names in lacks)}",
-                        remedy=f"Set {listed(names[0] for names in lacks)} in {node.path}",
-                    )
+def _parts_and_wholes(context: Context) -> Iterator[Finding]:
+    """Lamps and keys are children of one node: with one that lacks something none of them is there."""
+    for node in context.enabled:
+        for kind in node.strings("compatible"):
+            yield from _lacking([node], WHOLES.get(kind, ()))
+            yield from _lacking(node, PARTS.get(kind, ()))
+
+
+def _lacking(nodes: Iterable[Node], needed: Sequence[Sequence[str]]) -> Iterator[Finding]:
+    for node in nodes:
+        lacks = [names for names in needed if not set(names) & node.properties.keys()]
+        if node.enabled and lacks:
+            yield Finding(
+                "missing-property",
+                **at(node),
+                message=f"{node.path} has no {listed(' or '.join(names) for names in lacks)}",
+                remedy=f"Set {listed(names[0] for names in lacks)} in {node.path}",
+            )
 
 
 def _number(value: int) -> str:

@@ -22,6 +22,15 @@ BBT = "nand-on-flash-bbt"
 PARTITION_WORD = re.compile(
     r"ubi\.mtd=(?:(?P<number>\d+)|(?P<name>[^/,][^,]*))(?:,.*)?|root=/dev/mtdblock(?P<block>\d+)"
 )
+MTDPART = re.compile(
+    r"(?P<size>-|(?:0[xX][0-9a-fA-F]+|\d+)[kKmMgG]?)(?:@(?P<offset>(?:0[xX][0-9a-fA-F]+|\d+)[kKmMgG]?))?"
+    r"(?:\((?P<label>[^)]*)\))?(?:ro|lk)*"
+)
+SIZES = {"k": 10, "m": 20, "g": 30}
+# Bits that the controller corrects in a step: bytes of parity (the vendor's driver and the boot ROM).
+ECC_BYTES = {8: 15, 12: 23, 15: 29, 24: 45}
+SPARE_SHARE = 32  # of a page's bytes one is spare, at least
+MARKS = 4  # bytes of the spare: bad block, and whether the page is written
 QUAD = ("QSPI0_MOSI1", "QSPI0_MISO1")  # data lines 2 and 3
 
 
@@ -169,6 +178,70 @@ def partition_moved(context: Context) -> Iterator[Finding]:
                 )
 
 
+def _told_parts(context: Context) -> Iterator[tuple[str, int, int | None]]:
+    """Label, offset and size (None: the rest) of each partition of mtdparts= on the command line."""
+    for word in context.command_line:
+        name, _, text = word.partition("=")
+        _, colon, parts = text.partition(":")
+        if name != "mtdparts" or not colon or ";" in parts:
+            continue
+        end = 0
+        for told in map(MTDPART.fullmatch, parts.split(",")):
+            if told is None:
+                return
+            offset = _bytes(told["offset"]) if told["offset"] else end
+            size = None if told["size"] == "-" else _bytes(told["size"])
+            yield told["label"] or "", offset, size
+            end = offset + (size or 0)
+
+
+def _bytes(text: str) -> int:
+    """As the kernel's memparse."""
+    return int(text.rstrip("kKmMgG"), 0) << SIZES.get(text[-1].lower(), 0)
+
+
+@rule(
+    "mtdparts-moved",
+    "mtdparts= on the command line puts a partition elsewhere than the factory's boot command or the image.",
+    "It counts before the tree's partitions. What Linux writes to the kernel's partition is then not what "
+    "the boot loader reads, and the boot loader itself may lie in a partition that Linux writes.",
+)
+def mtdparts_moved(context: Context) -> Iterator[Finding]:
+    limits = context.board.limits if context.board else None
+    for label, offset, size in _told_parts(context) if limits else ():
+        area = next((area for area in limits.areas if area.label == label.casefold()), None)
+        end = limits.flash if size is None else offset + size
+        if area and (offset != area.offset or end < area.end):
+            yield Finding(
+                "mtdparts-moved",
+                **at(context.chosen, "bootargs"),
+                message=f"the command line has {label} from {offset:#x} to {end:#x}; it is from "
+                f"{area.offset:#x} to {area.end:#x}",
+                remedy=f"Delete mtdparts= (the tree has the partitions), or correct it or {limits.file.name}",
+            )
+
+
+@rule(
+    "wrong-boot-command",
+    "The boot command reads what is no partition of the flash.",
+    "Whoever writes the kernel into its partition writes it where the boot loader does not look, or the boot "
+    "loader reads beyond it: the board starts the old kernel, or none.",
+)
+def wrong_boot_command(context: Context) -> Iterator[Finding]:
+    parts = [one for _, partitions in _tables(context) for one in partitions]
+    for read in context.environment.reads if parts else ():
+        inside = next((one for one in parts if one.offset == read.offset), None)
+        if inside and read.end <= inside.end:
+            continue
+        yield Finding(
+            "wrong-boot-command",
+            **at(parts[0].node.parent),
+            message=f"{context.environment.source} reads {read.size:#x} bytes at {read.offset:#x}; "
+            + (f"the partition {inside} ends before" if inside else "no partition begins there"),
+            remedy=f"Read a partition: {', '.join(map(str, parts))}",
+        )
+
+
 @rule(
     "partition-missing",
     "The flash has no partition of a name that the image, or whoever writes it, looks for.",
@@ -247,7 +320,7 @@ def unknown_partition(context: Context) -> Iterator[Finding]:
             continue
         yield Finding(
             "unknown-partition",
-            **at(context.tree.find("/chosen"), "bootargs"),
+            **at(context.chosen, "bootargs"),
             message=f"the command line has {word}; the partitions are {listed(labels)}",
             remedy=f"Name one of {', '.join(labels)}",
         )
@@ -292,6 +365,31 @@ def no_ecc(context: Context) -> Iterator[Finding]:
 
 
 @rule(
+    "ecc-beyond-spare",
+    "The error correction of a NAND needs more spare bytes than a page has, or the chip does not have it.",
+    "The controller writes the parity at the end of the spare area, over what is there. The driver refuses "
+    "the chip, or the first page that is written cannot be read.",
+)
+def ecc_beyond_spare(context: Context) -> Iterator[Finding]:
+    limits = context.board.limits if context.board else None
+    for node, peripheral in context.devices.items():
+        strength, step = (next(iter(node.cells(f"nand-ecc-{what}")), 0) for what in ("strength", "step-size"))
+        if peripheral.label != "fmi" or not strength or not step:
+            continue
+        fault = "" if strength in ECC_BYTES else f"the chip corrects {listed(map(str, ECC_BYTES))} bits"
+        if not fault and limits and limits.page:
+            parity, spare = ECC_BYTES[strength] * (limits.page // step), limits.page // SPARE_SHARE - MARKS
+            fault = f"needs {parity} bytes of a page's spare, which has {spare}" if parity > spare else ""
+        if fault:
+            yield Finding(
+                "ecc-beyond-spare",
+                **at(node, "nand-ecc-strength"),
+                message=f"nand-ecc-strength = <{strength}> of {context.name(node)}: {fault}",
+                remedy=f"Set nand-ecc-strength = {ECC['nand-ecc-strength']}, as the boot loader writes",
+            )
+
+
+@rule(
     "quad-without-lines",
     "A flash is set to use four data lines, but two of them have no pin.",
     "The driver follows spi-rx-bus-width and does not look at the pins. Half of the bits that it reads are "
@@ -322,11 +420,14 @@ RULES = (
     partition_label_twice,
     partition_bounds,
     partition_moved,
+    mtdparts_moved,
+    wrong_boot_command,
     partition_missing,
     boot_writable,
     partitions_unread,
     unknown_partition,
     bad_block_table,
     no_ecc,
+    ecc_beyond_spare,
     quad_without_lines,
 )

@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator, Sequence
 
 from nuc980.pins.chip import GPIO
-from nuc980.pins.claims import Claim
+from nuc980.pins.claims import GPIO_CONTROLLER, Claim, MalformedError, gpio_specifiers, is_gpio_list
 from nuc980.pins.findings import Finding, at
 from nuc980.pins.rules.context import (
     Context,
@@ -21,6 +22,20 @@ from nuc980.pins.rules.context import (
     rule,
 )
 from nuc980.pins.tree import Node
+
+# GPIO expanders by the name of their part: how many lines they have.
+EXPANDERS = {
+    **dict.fromkeys(
+        ("pcf8574", "pca9534", "pca9538", "pca9554", "pca9557", "tca6408", "tca9538", "tca9554"), 8
+    ),
+    **dict.fromkeys(("mcp23008", "mcp23s08", "max7310"), 8),
+    **dict.fromkeys(
+        ("pcf8575", "pca9535", "pca9539", "pca9555", "tca6416", "tca9535", "tca9539", "tca9555"), 16
+    ),
+    **dict.fromkeys(("mcp23017", "mcp23s17", "mcp23018"), 16),
+    "tca6424": 24,
+    "pca9505": 40,
+}
 
 
 @rule(
@@ -143,6 +158,47 @@ def gpio_conflict(context: Context) -> Iterator[Finding]:
             claimants=claimants(users),
             pins=(pin,),
         )
+
+
+@rule(
+    "expander-line",
+    "Two users claim the same line of a GPIO expander, or a line that it does not have.",
+    "The kernel gives a line to one user and refuses the next (-EBUSY). A line that is not there is -EINVAL, "
+    "and a group of lamps or keys with one such line is missing whole.",
+)
+def expander_line(context: Context) -> Iterator[Finding]:
+    users: dict[tuple[Node, int], list[tuple[Node, str]]] = {}
+    for node in context.enabled:
+        for name in filter(is_gpio_list, node.properties):
+            with contextlib.suppress(MalformedError):
+                for controller, cells in gpio_specifiers(context.tree, node, name):
+                    if GPIO_CONTROLLER not in controller.strings("compatible"):
+                        users.setdefault((controller, cells[0]), []).append((node, name))
+    for (controller, line), its in users.items():
+        node, name = its[-1]
+        names = [f"{context.name(user)} ({used})" for user, used in its]
+        shared = all("regulator-fixed" in user.strings("compatible") for user, _ in its)
+        lines = _lines_of(controller)
+        if lines is not None and line >= lines:
+            fault = f"{listed(names)} wants line {line} of {context.name(controller)}, which has {lines}"
+        elif len(its) > 1 and not shared:
+            fault = f"line {line} of {context.name(controller)} is of {listed(names)}"
+        else:
+            continue
+        yield Finding(
+            "expander-line",
+            **at(node, name),
+            message=fault,
+            remedy=f"Give {names[-1]} the line that it is wired to",
+        )
+
+
+def _lines_of(controller: Node) -> int | None:
+    """How many lines an expander has; None: nobody knows."""
+    for told in controller.cells("ngpios")[:1]:
+        return told
+    parts = (name.rpartition(",")[2] for name in controller.strings("compatible"))
+    return next((EXPANDERS[part] for part in parts if part in EXPANDERS), None)
 
 
 def _shares_its_line(user: Claim) -> bool:
@@ -331,6 +387,7 @@ RULES = (
     pin_conflict,
     mux_and_gpio,
     gpio_conflict,
+    expander_line,
     no_such_pin,
     no_such_function,
     foreign_function,

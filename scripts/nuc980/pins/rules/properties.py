@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,14 +18,17 @@ from nuc980.pins.tree import Node
 
 KNOWN_FILE = Path(__file__).parents[1] / "properties.yml"
 SHORTEST = 5  # letters: of shorter ones too many are one letter away
+SHORTEST_WORD = 4
+LONG_WORD = 6  # letters: of these two may be wrong
 CUT_LEAST = 9
+SEPARATORS = re.compile("[-,_]")
 NUMBERED = re.compile(r"pinctrl-\d+|eint\d-config")
 ENDINGS = ("gpios", "gpio", "supply")  # alone, or behind what a driver calls the line
 
 
 @rule(
     "unknown-property",
-    "The name of a property differs by one letter from a known one, or is the beginning of one.",
+    "The name of a property is nearly that of a known one, or the beginning of one.",
     "Nothing reads it, and nothing reports it. With pinctl-0 a port keeps the pins that U-Boot set; with "
     "read-onyl Linux may erase the boot loader.",
 )
@@ -33,15 +36,14 @@ def unknown_property(context: Context) -> Iterator[Finding]:
     known = known_properties(context.chip)
     for node in context.enabled:
         for name in node.properties:
-            meant = _meant(name, known)
-            if meant:
+            if nearest := meant(name, known):
                 yield Finding(
                     "unknown-property",
                     **at(node, name),
                     message=f"{context.name(node)} has {name}, which nothing reads; it probably "
-                    f"means {' or '.join(meant)}",
-                    remedy=f"Write {' or '.join(meant)}, or delete {name}",
-                    fix=renamed(name, meant[0]) if len(meant) == 1 else None,
+                    f"means {' or '.join(nearest)}",
+                    remedy=f"Write {' or '.join(nearest)}, or delete {name}",
+                    fix=renamed(name, nearest[0]) if len(nearest) == 1 else None,
                 )
 
 
@@ -56,18 +58,57 @@ def known_properties(chip: Chip) -> frozenset[str]:
     return _general().union(*(peripheral.properties for peripheral in chip.peripherals.values()))
 
 
-def _meant(name: str, known: frozenset[str]) -> list[str]:
-    """The properties that a name is one letter off; none for one that is known, or like none."""
+@functools.cache
+def meant(name: str, known: frozenset[str]) -> tuple[str, ...]:
+    """The known properties that a name is nearly, of the nearest kind; none for one that is known."""
     if name in known or NUMBERED.fullmatch(name) or name.endswith(ENDINGS):
-        return []
+        return ()
     first, dash, last = name.rpartition("-")
     for ending in ENDINGS if dash else ():
         if last.isalpha() and is_one_off(last, ending):
-            return [f"{first}-{ending}"]
-    words = [word for word in (*sorted(known), "pinctrl-0", "pinctrl-1") if len(word) >= SHORTEST]
-    return [word for word in words if is_one_off(name, word)] or [
-        word for word in words if _is_cut(name, word)
-    ]
+            return (f"{first}-{ending}",)
+    candidates = [word for word in (*sorted(known), "pinctrl-0", "pinctrl-1") if len(word) >= SHORTEST]
+    for is_near in (is_one_off, _is_written_otherwise, _is_cut, _is_misspelt(known)):
+        if found := tuple(word for word in candidates if is_near(name, word)):
+            return found
+    return ()
+
+
+def _is_written_otherwise(written: str, meant: str) -> bool:
+    """As Read_Only is read-only."""
+    return SEPARATORS.sub("", written).casefold() == SEPARATORS.sub("", meant).casefold()
+
+
+def _is_misspelt(known: frozenset[str]) -> Callable[[str, str], bool]:
+    """As interupt-parnt is interrupt-parent: word by word; a word of another name is not misspelt."""
+    words = _words(known)
+
+    def is_near(written: str, meant: str) -> bool:
+        has, wants = SEPARATORS.split(written), SEPARATORS.split(meant)
+        return len(has) == len(wants) and all(
+            a == b or (a not in words and len(b) >= SHORTEST_WORD and _is_near_word(a, b))
+            for a, b in zip(has, wants, strict=True)
+        )
+
+    return is_near
+
+
+@functools.cache
+def _words(known: frozenset[str]) -> frozenset[str]:
+    return frozenset(word for name in known for word in SEPARATORS.split(name))
+
+
+def _is_near_word(written: str, meant: str) -> bool:
+    """One letter off, or two in a long word: what one letter's change brings one letter near."""
+    if is_one_off(written, meant):
+        return True
+    if len(meant) < LONG_WORD or abs(len(written) - len(meant)) > 2:
+        return False
+    shorter, longer = sorted((written, meant), key=len)
+    return any(
+        near == shorter or is_one_off(near, shorter)
+        for near in (longer[:i] + longer[i + 1 :] for i in range(len(longer)))
+    )
 
 
 def _is_cut(written: str, meant: str) -> bool:
@@ -145,39 +186,52 @@ def _reference_fault(context: Context, node: Node, name: str, size: str) -> str 
 
 @dataclass(frozen=True)
 class Unit:
-    """What a property's value is in, and of what it is taken for if it is this small."""
+    """What a property's value is in, and for what it is taken if it is smaller or larger than any."""
 
     name: str
-    least: int
     mistaken: str
+    least: int = 0
+    most: int = 0xFFFFFFFF
+
+    def right(self, value: int) -> int | None:
+        """A value in this unit that was written in the other; None: it can be as it is."""
+        if 0 < value < self.least:
+            return 1000 * value
+        return value // 1000 if value > self.most and value % 1000 == 0 else None
 
 
+FREQUENCY = Unit("Hz", "kHz", least=5_000)
+VOLTAGE = Unit("microvolts", "millivolts", least=50_000)
 UNITS = {
-    "bus_freq": Unit("Hz", 5_000, "kHz"),
-    "spi-max-frequency": Unit("Hz", 5_000, "kHz"),
-    "regulator-min-microvolt": Unit("microvolts", 50_000, "millivolts"),
-    "regulator-max-microvolt": Unit("microvolts", 50_000, "millivolts"),
+    "bus_freq": FREQUENCY,
+    "spi-max-frequency": FREQUENCY,
+    "max-frequency": FREQUENCY,
+    "regulator-min-microvolt": VOLTAGE,
+    "regulator-max-microvolt": VOLTAGE,
+    "debounce-interval": Unit("milliseconds", "microseconds", most=999),
+    "poll-interval": Unit("milliseconds", "microseconds", most=99_999),
+    "timeout-sec": Unit("seconds", "milliseconds", most=999),
 }
 
 
 @rule(
     "wrong-unit",
-    "A value is so small that it was probably written in another unit.",
-    "Nothing compares it with what the device can do: a bus is a thousand times too slow, and a supply is "
-    "told as a thousandth of what it is.",
+    "A value is so small or so large that it was probably written in another unit.",
+    "Nothing compares it with what the device can do: a bus is a thousand times too slow, a supply is told "
+    "as a thousandth of what it is, and a key is heard after twenty seconds.",
 )
 def wrong_unit(context: Context) -> Iterator[Finding]:
     for node in context.enabled:
         for name, unit in UNITS.items():
             for value in node.cells(name)[:1]:
-                if 0 < value < unit.least:
+                if right := unit.right(value):
                     yield Finding(
                         "wrong-unit",
                         **at(node, name),
                         message=f"{name} of {context.name(node)} is {value} {unit.name}; it was probably "
                         f"written in {unit.mistaken}",
-                        remedy=f"Write {name} in {unit.name}: <{1000 * value}>",
-                        fix=valued(name, f"<{1000 * value}>"),
+                        remedy=f"Write {name} in {unit.name}: <{right}>",
+                        fix=valued(name, f"<{right}>"),
                     )
 
 
