@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -117,6 +117,28 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("after", type=Path, metavar="B")
     _add_source_options(command)
     command.set_defaults(run=_diff)
+
+    command = add("plan", "assign functions to pins from wishes, or say which of them cannot be had together")
+    command.add_argument(
+        "wishes",
+        nargs="*",
+        metavar="WISH",
+        help="'six uart with RTS, two rmii, one can, uart0 on PF11 PF12, 3 gpio'",
+    )
+    command.add_argument(
+        "--wishes",
+        dest="file",
+        type=Path,
+        metavar="FILE",
+        help="a file with wishes, one a line; # begins a comment",
+    )
+    command.add_argument(
+        "--part", default="NUC980DK61YC", help="the chip's part number (default: %(default)s)"
+    )
+    command.add_argument("--keep", type=Path, metavar="TABLE", help="a pin table whose devices and pins stay")
+    command.add_argument("-o", "--output", type=Path, help="the pin table; an existing file is kept")
+    command.add_argument("--map", type=Path, metavar="PICTURE", help="the picture, .svg, or the page, .html")
+    command.set_defaults(run=_plan)
 
     command = add("import", "write a pin table from an existing device tree")
     command.add_argument("file", type=Path, metavar="FILE", help="a .dts or .dtb file")
@@ -234,13 +256,43 @@ def _package(part: str | None, chip: Chip) -> Package | None:
     return chip.packages[chip.parts[part]]
 
 
-def _map(parsed: argparse.Namespace) -> int:
-    from nuc980.pins.page import draw_page
-    from nuc980.pins.picture import draw_map, uses_of_board, uses_of_claims
+def _plan(parsed: argparse.Namespace) -> int:
+    from nuc980.pins.planning import plan_board, read_wishes
 
-    draw = {".svg": draw_map, ".html": draw_page}.get(parsed.output.suffix.lower())
+    chip = load_chip()
+    _package(parsed.part, chip)
+    kept = load_board(parsed.keep, chip) if parsed.keep else None
+    part = kept.part if kept else parsed.part
+    draw = _drawing(parsed.map) if parsed.map else None
+    written = (
+        [line.partition("#")[0] for line in parsed.file.read_text("utf-8").splitlines()]
+        if parsed.file
+        else []
+    )
+    plan = plan_board(chip, part, read_wishes([*parsed.wishes, *written]), kept)
+    print("\n".join(plan.lines()))
+    if draw:
+        _write(parsed.map, draw(chip, chip.packages[chip.parts[part]], plan.uses(), "The plan"))
+    if parsed.output:
+        _write_new(parsed.output, plan.table())
+    return DONE
+
+
+def _drawing(file: Path) -> Callable[..., str]:
+    """What draws a file of this ending."""
+    from nuc980.pins.page import draw_page
+    from nuc980.pins.picture import draw_map
+
+    draw = {".svg": draw_map, ".html": draw_page}.get(file.suffix.lower())
     if draw is None:
-        raise UnusableInput(f"{parsed.output}: the name must end in .svg or .html")
+        raise UnusableInput(f"{file}: the name must end in .svg or .html")
+    return draw
+
+
+def _map(parsed: argparse.Namespace) -> int:
+    from nuc980.pins.picture import uses_of_board, uses_of_claims
+
+    draw = _drawing(parsed.output)
     chip = load_chip()
     board = _board(parsed, chip)
     if parsed.file:
@@ -280,10 +332,14 @@ def _import(parsed: argparse.Namespace) -> int:
     if parsed.output is None:
         print(text, end="")
         return DONE
-    if parsed.output.exists():
-        raise UnusableInput(f"{parsed.output} exists already and is not overwritten; name another file")
-    _write(parsed.output, text)
+    _write_new(parsed.output, text)
     return DONE
+
+
+def _write_new(file: Path, text: str) -> None:
+    if file.exists():
+        raise UnusableInput(f"{file} exists already and is not overwritten; name another file")
+    _write(file, text)
 
 
 def _write(file: Path, text: str) -> None:
