@@ -10,6 +10,13 @@ SWITCHES :=
 EMPTY :=
 DTB := build/dtb/$(addsuffix /,$(subst $(EMPTY) $(EMPTY),_,$(strip $(SWITCHES))))nuc980-$(BOARD).dtb
 
+schemas: build/linux/schemas.json ## Build: the kernel's bindings, for nuc980-pins check --schemas
+
+# Two of Linux 6.1's are not what this dtschema takes: it says so, and goes on without them.
+build/linux/schemas.json: build/linux/debian.dsc $(shell find dts/bindings -name '*.yaml') | build/packages-boards.done
+	$(LOGGED) schemas sh -c '.venv/bin/dt-mk-schema -j "$$1" dts/bindings > $@.new' - $(@D)/debian/Documentation/devicetree/bindings
+	@mv $@.new $@
+
 dtb: $(BOARDS) ## Build: the board's device tree: generate, compile, check (BOARD=, SWITCHES=)
 	scripts/nuc980-pins generate
 	scripts/build-dtb.sh $(DTS) $(DTB) $(SWITCHES)

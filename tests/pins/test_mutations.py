@@ -87,6 +87,8 @@ def test_what_boots_has_no_finding(more: str, tmp_path: Path) -> None:
 
 def test_every_rule_has_a_mistake_and_every_mistake_its_own_name() -> None:
     mutations = CHIP_MUTATIONS + TABLE_MUTATIONS + BOOT_MUTATIONS
-    assert {mutation.rule for mutation in mutations} == set(RULES)
+    assert {mutation.rule for mutation in mutations} == {*RULES} - {
+        "schema"
+    }  # of the kernel: test_schemas.py
     assert [name for name, count in Counter(map(str, mutations)).items() if count > 1] == []
     assert len(mutations) >= 60

@@ -10,12 +10,14 @@ from pathlib import Path
 from nuc980.errors import UnusableInput
 from nuc980.pins.board import Board
 from nuc980.pins.chip import Chip, Package
+from nuc980.pins.dtb import flattened
 from nuc980.pins.environment import Environment
 from nuc980.pins.findings import Finding
 from nuc980.pins.fixing import Mended, mended
 from nuc980.pins.overlays import check_overlays
 from nuc980.pins.report import Checked
 from nuc980.pins.rules import check
+from nuc980.pins.schemas import Schemas
 from nuc980.pins.source import read_any, read_tree
 from nuc980.pins.tree import Tree
 
@@ -30,9 +32,11 @@ class Checker:
     environment: Environment = field(default_factory=Environment)
     include: Sequence[Path] = ()
     defines: Sequence[str] = ()
+    schemas: Schemas | None = None  # None: without the kernel's bindings, in a tenth of the time
 
     def findings(self, tree: Tree) -> list[Finding]:
-        return check(tree, self.chip, self.board, self.package, self.environment)
+        validated = self.schemas.findings(tree, flattened(tree)) if self.schemas else ()
+        return check(tree, self.chip, self.board, self.package, self.environment, validated)
 
     def file(self, file: Path) -> Checked:
         tree = read_tree(file, self.include, self.defines)

@@ -20,6 +20,7 @@ from nuc980.pins.diffing import format_diff, pin_diff
 from nuc980.pins.environment import Environment, read_environment
 from nuc980.pins.explain import explain
 from nuc980.pins.report import FORMATS, Checked
+from nuc980.pins.schemas import Schemas
 from nuc980.pins.source import read_tree
 
 ROOT = Path(__file__).resolve().parents[3]  # of the tree, for what is generated
@@ -78,6 +79,12 @@ def _parser() -> argparse.ArgumentParser:
         type=Path,
         metavar="FILE",
         help="U-Boot's, as printenv prints it: checked with the tree",
+    )
+    command.add_argument(
+        "--schemas",
+        type=Path,
+        metavar="FILE",
+        help="check against the kernel's bindings too, as make schemas makes them",
     )
     command.add_argument(
         "--fix", action="store_true", help="show as a diff what has one right answer in a line of the source"
@@ -226,7 +233,8 @@ def _checker(parsed: argparse.Namespace) -> Checker:
     if parsed.part and board:
         raise UnusableInput("--part goes with --chip-only: a pin table names the part itself")
     package = board.package if board else _package(parsed.part, chip)
-    return Checker(chip, board, package, _environment(parsed), parsed.include, parsed.defines)
+    schemas = Schemas(parsed.schemas) if parsed.schemas else None
+    return Checker(chip, board, package, _environment(parsed), parsed.include, parsed.defines, schemas)
 
 
 def _environment(parsed: argparse.Namespace) -> Environment:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from nuc980.pins.board import Board
@@ -20,6 +20,7 @@ from nuc980.pins.rules import (
     interrupts,
     pins,
     properties,
+    schemas,
     serial_buses,
     sets,
     table,
@@ -42,6 +43,7 @@ THEMES = (
     boot,
     command_line,
     table,
+    schemas,
 )
 RULES: dict[str, Rule] = {rule.name: rule for theme in THEMES for rule in theme.RULES}
 
@@ -52,13 +54,14 @@ def check(
     board: Board | None = None,
     package: Package | None = None,
     environment: Environment | None = None,
+    validated: Sequence[Finding] = (),
 ) -> list[Finding]:
     """
     Everything that a tree does wrong, in the order of its places: against the chip, with a board against its
     pin table as well, with a package against what that brings out, and together with what is said beside it.
     What the pin table accepts comes with the reason.
     """
-    context = Context(tree, chip, board, package, environment or Environment())
+    context = Context(tree, chip, board, package, environment or Environment(), validated)
     found = (finding for rule in RULES.values() for finding in rule.find(context))
     return sorted(_accept(dict.fromkeys(found), board), key=_position)
 

@@ -51,6 +51,7 @@ class Context:
     board: Board | None  # None: the rules of the pin table do not run
     package: Package | None  # None: nothing is known of what it brings out
     environment: Environment = field(default_factory=Environment)  # what is said beside the tree
+    validated: Sequence[Finding] = ()  # what the kernel's bindings find
 
     @cached_property
     def claims(self) -> list[Claim]:
