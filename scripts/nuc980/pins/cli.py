@@ -58,42 +58,21 @@ def _parser() -> argparse.ArgumentParser:
     command = add("check", "check device trees, source or compiled, against chip and pin table")
     command.add_argument("files", nargs="+", type=Path, metavar="FILE", help="a .dts or .dtb file")
     command.add_argument(
-        "--chip-only", action="store_true", help="for another board's tree: do not use the pin table"
-    )
-    command.add_argument(
-        "--part", help="with --chip-only: the chip's part number, which tells the pins of its package"
-    )
-    command.add_argument(
         "--overlay",
         action="store_true",
         help="the first FILE is a base, the others are overlays: check each on the base, and all together",
-    )
-    command.add_argument(
-        "--command-line",
-        default="",
-        metavar="TEXT",
-        help="the kernel's, beside what the tree has: CONFIG_CMDLINE",
-    )
-    command.add_argument(
-        "--environment",
-        type=Path,
-        metavar="FILE",
-        help="U-Boot's, as printenv prints it: checked with the tree",
-    )
-    command.add_argument(
-        "--schemas",
-        type=Path,
-        metavar="FILE",
-        help="check against the kernel's bindings too, as make schemas makes them",
     )
     command.add_argument(
         "--fix", action="store_true", help="show as a diff what has one right answer in a line of the source"
     )
     command.add_argument("--write", action="store_true", help="with --fix: write it into the source")
     command.add_argument("--format", choices=FORMATS, default="text", help="default: text")
-    _add_table(command)
-    _add_source_options(command)
+    _add_knowledge(command)
     command.set_defaults(run=_check)
+
+    command = add("lsp", "serve an editor: findings while typing, hover, completion (needs pygls)")
+    _add_knowledge(command)
+    command.set_defaults(run=_lsp)
 
     command = add("map", "draw the pins: of the pin table, or of a device tree")
     command.add_argument(
@@ -158,6 +137,36 @@ def _parser() -> argparse.ArgumentParser:
     _add_source_options(command)
     command.set_defaults(run=_import)
     return parser
+
+
+def _add_knowledge(command: argparse.ArgumentParser) -> None:
+    """What a tree is held against."""
+    command.add_argument(
+        "--chip-only", action="store_true", help="for another board's tree: do not use the pin table"
+    )
+    command.add_argument(
+        "--part", help="with --chip-only: the chip's part number, which tells the pins of its package"
+    )
+    command.add_argument(
+        "--command-line",
+        default="",
+        metavar="TEXT",
+        help="the kernel's, beside what the tree has: CONFIG_CMDLINE",
+    )
+    command.add_argument(
+        "--environment",
+        type=Path,
+        metavar="FILE",
+        help="U-Boot's, as printenv prints it: checked with the tree",
+    )
+    command.add_argument(
+        "--schemas",
+        type=Path,
+        metavar="FILE",
+        help="check against the kernel's bindings too, as make schemas makes them",
+    )
+    _add_table(command)
+    _add_source_options(command)
 
 
 def _add_table(command: argparse.ArgumentParser) -> None:
@@ -250,6 +259,17 @@ def _fix(checked: Checked, checker: Checker, write: bool) -> Checked:
         return checked
     found.write()
     return checker.file(checked.file)
+
+
+def _lsp(parsed: argparse.Namespace) -> int:
+    try:
+        from nuc980.pins.lsp import serve
+    except ModuleNotFoundError as error:
+        raise UnusableInput(
+            f"the Python package {error.name} is missing; type: {sys.executable} -m pip install 'pygls>=2,<3'"
+        ) from error
+    serve(_checker(parsed))
+    return DONE
 
 
 def _board(parsed: argparse.Namespace, chip: Chip) -> Board:
