@@ -279,6 +279,16 @@ static struct line *named_line(struct client *client, const char *name)
 	return line;
 }
 
+static struct line *named_serial_line(struct client *client, const char *name)
+{
+	struct line *line = named_line(client, name);
+
+	if (!line || !line->tcp.is_one)
+		return line;
+	answer(client, "error port %s is no serial line", name);
+	return NULL;
+}
+
 static void set_plugged(struct client *client, const struct command *command, int count, char **words)
 {
 	struct line *line = named_line(client, words[1]);
@@ -292,7 +302,7 @@ static void set_plugged(struct client *client, const struct command *command, in
 
 static void set_jammed(struct client *client, const struct command *command, int count, char **words)
 {
-	struct line *line = named_line(client, words[1]);
+	struct line *line = named_serial_line(client, words[1]);
 
 	(void)count;
 	if (!line)
@@ -303,7 +313,7 @@ static void set_jammed(struct client *client, const struct command *command, int
 
 static void say(struct client *client, const struct command *command, int count, char **words)
 {
-	struct line *line = named_line(client, words[1]);
+	struct line *line = named_serial_line(client, words[1]);
 	uint8_t bytes[WORDS_MAX] = {0};
 	long octet;
 
@@ -332,6 +342,39 @@ static void trace(struct client *client, const struct command *command, int coun
 	client->traced = on;
 	listen_if_wanted();
 	answer(client, "ok");
+}
+
+/* words: session, port, mood, argument. */
+static bool set_mood(struct line *line, int count, char **words)
+{
+	const char *mood = words[2];
+	long idle_ms = 0;
+
+	if (count == 4 && (strcmp(mood, "idle") != 0 || !plant_number(words[3], 1, DELAY_MAX_MS, &idle_ms)))
+		return false;
+	if (count == 3 && strcmp(mood, "hang") == 0) {
+		tcp_hang(line);
+		return true;
+	}
+	if (count == 3 && strcmp(mood, "close") != 0 && strcmp(mood, "clear") != 0)
+		return false;
+	line->tcp.closes = strcmp(mood, "close") == 0;
+	line->tcp.idle_ns = idle_ms * INT64_C(1000000);
+	return true;
+}
+
+static void session(struct client *client, const struct command *command, int count, char **words)
+{
+	struct line *line = named_line(client, words[1]);
+
+	if (!line)
+		return;
+	if (!line->tcp.is_one)
+		answer(client, "error port %s has no sessions: it is a serial line", words[1]);
+	else if (!set_mood(line, count, words))
+		refuse_usage(client, command);
+	else
+		answer(client, "ok");
 }
 
 static json_t *slave_report(const struct slave *slave)
@@ -399,7 +442,7 @@ static void quit(struct client *client, const struct command *command, int count
 	loop_stop();
 }
 
-#define COMMANDS "set, get, fault, unplug, plug, jam, unjam, say, stats, trace or quit"
+#define COMMANDS "set, get, fault, unplug, plug, jam, unjam, say, session, stats, trace or quit"
 
 static const struct command commands[] = {
     {"set", 5, 4 + SET_VALUES_MAX, set, "set PORT.UNIT TABLE ADDRESS VALUE..."},
@@ -414,6 +457,7 @@ static const struct command commands[] = {
     {"jam", 2, 2, set_jammed, "jam PORT"},
     {"unjam", 2, 2, set_jammed, "unjam PORT"},
     {"say", 3, WORDS_MAX, say, "say PORT OCTET... (0 to 255)"},
+    {"session", 3, 4, session, "session PORT hang | close | idle MS (1 to 60000) | clear"},
     {"stats", 1, 1, report, "stats"},
     {"trace", 2, 2, trace, "trace on|off"},
     {"quit", 1, 1, quit, "quit"},

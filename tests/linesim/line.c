@@ -136,28 +136,6 @@ static void override(struct slave *slave, const struct slave_access *access, uin
 		    slave_table_has_bits(access->table) ? value != 0 : value;
 }
 
-static size_t execute(struct line *line, struct slave *slave, const struct slave_fault *fault,
-		      uint8_t pdu[SLAVE_PDU_MAX])
-{
-	const uint8_t *request = line->request.bytes + 1;
-	struct slave_access access;
-
-	const bool too_long = slave_is_too_long(fault, request, line->request.size - 3);
-
-	if (fault->kind == SLAVE_EXCEPTION || too_long) {
-		pdu[0] = request[0] | 0x80;
-		pdu[1] = too_long ? ILLEGAL_DATA_VALUE : (uint8_t)fault->argument;
-		return 2;
-	}
-
-	const size_t size = slave_execute(slave, request, line->request.size - 3, pdu, &access);
-
-	trace_access(line->port, slave, &access);
-	if (fault->kind == SLAVE_OVERRIDE && access.write)
-		override(slave, &access, (uint16_t)fault->argument);
-	return size;
-}
-
 /* What a fault makes of a sound PDU. Returns the new size. */
 static size_t spoil_pdu(enum slave_fault_kind fault, uint8_t pdu[SLAVE_PDU_MAX], size_t size)
 {
@@ -173,6 +151,25 @@ static size_t spoil_pdu(enum slave_fault_kind fault, uint8_t pdu[SLAVE_PDU_MAX],
 		pdu[1]++;
 	pdu[size] = 0;
 	return size + 1;
+}
+
+size_t line_execute(const struct line *line, struct slave *slave, const struct slave_fault *fault,
+		    const uint8_t *request, size_t size, uint8_t pdu[SLAVE_PDU_MAX])
+{
+	const bool too_long = slave_is_too_long(fault, request, size);
+	struct slave_access access;
+	size_t answer_size;
+
+	if (fault->kind == SLAVE_EXCEPTION || too_long) {
+		pdu[0] = request[0] | 0x80;
+		pdu[1] = too_long ? ILLEGAL_DATA_VALUE : (uint8_t)fault->argument;
+		return 2;
+	}
+	answer_size = slave_execute(slave, request, size, pdu, &access);
+	trace_access(line->port, slave, &access);
+	if (fault->kind == SLAVE_OVERRIDE && access.write)
+		override(slave, &access, (uint16_t)fault->argument);
+	return spoil_pdu(fault->kind, pdu, answer_size);
 }
 
 /* A device answers one request after the other, so nothing it says overtakes its late answers. */
@@ -202,8 +199,8 @@ static void serve(struct line *line, struct slave *slave, int64_t complete_ns)
 	if (fault.kind == SLAVE_MUTE)
 		return;
 
-	const size_t sound_size = execute(line, slave, &fault, pdu);
-	const size_t pdu_size = spoil_pdu(fault.kind, pdu, sound_size);
+	const size_t pdu_size =
+	    line_execute(line, slave, &fault, line->request.bytes + 1, line->request.size - 3, pdu);
 	const int64_t ready_ns = complete_ns + (slow ? (int64_t)fault.argument * MS : 0);
 	const int64_t earliest_ns = free_ns(line, slave);
 
@@ -428,6 +425,8 @@ static int64_t jam(struct line *line, int64_t now_ns)
 
 int64_t line_advance(struct line *line, int64_t now_ns)
 {
+	if (line->tcp.is_one)
+		return tcp_advance(line, now_ns);
 	if (line->jammed_ns)
 		return jam(line, now_ns);
 	for (;;) {
@@ -596,7 +595,7 @@ static int open_far_end(struct line *line, const char *path)
 		   : 0;
 }
 
-int line_open(struct line *line, int directory)
+static int open_pty(struct line *line, int directory)
 {
 	char path[PTY_PATH_SIZE];
 	const int fd = posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
@@ -613,8 +612,17 @@ int line_open(struct line *line, int directory)
 	return loop_add(&line->pty, EPOLLIN);
 }
 
+int line_open(struct line *line, int directory)
+{
+	return line->tcp.is_one ? tcp_open(line) : open_pty(line, directory);
+}
+
 void line_close(struct line *line, int directory)
 {
+	if (line->tcp.is_one) {
+		tcp_close(line);
+		return;
+	}
 	remove_link(directory, line->name);
 	close(line->closings.fd);
 	close(line->far_end);

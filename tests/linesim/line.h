@@ -20,6 +20,7 @@
 
 #include "loop.h"
 #include "slave.h"
+#include "tcp.h"
 
 #define LINE_FRAME_MAX   256 /* clause 2.5.1 */
 #define LINE_NOISE_MAX   256
@@ -56,6 +57,7 @@ struct line {
 	int64_t latency_ns;
 	struct slave *slaves[SLAVE_UNIT_MAX + 1]; /* by unit, NULL: not on the line */
 
+	struct tcp tcp;
 	struct loop_source pty;
 	int far_end; /* the pty's slave side, kept open: without it a master that closes hangs the line up */
 	struct loop_source closings; /* inotify: a master closed the port */
@@ -79,6 +81,12 @@ struct line {
 	struct line_answer waiting[LINE_WAITING_MAX];
 };
 
+/*
+ * What a device makes of a request's PDU, and its fault of the answer's, which is put into pdu. Returns its size.
+ */
+size_t line_execute(const struct line *line, struct slave *slave, const struct slave_fault *fault,
+		    const uint8_t *request, size_t size, uint8_t pdu[SLAVE_PDU_MAX]);
+
 /* Takes the serial parameters. baud > 0 bit/s; bits: of a character, start, parity and stop bits included. */
 void line_set_pace(struct line *line, unsigned baud, unsigned bits, int64_t latency_ns);
 /*
@@ -87,7 +95,7 @@ void line_set_pace(struct line *line, unsigned baud, unsigned bits, int64_t late
  */
 void line_set_silence(struct line *line, int64_t least_ns);
 
-/* Creates the pty, links directory/name to it, and watches it. -1 with errno. */
+/* Creates the pty, links directory/name to it, and watches it; of a TCP line its socket. -1 with errno. */
 int line_open(struct line *line, int directory);
 void line_close(struct line *line, int directory);
 

@@ -24,10 +24,12 @@ struct options {
 	const char *directory;
 	int64_t latency_ns;
 	int64_t silence_ns;
+	bool serves_tcp;
 };
 
 static const char help[] =
-    "usage: linesim --config FILE [--values FILE] --dir DIR [--latency US] [--silence US] [--trace]\n"
+    "usage: linesim --config FILE [--values FILE] --dir DIR [--latency US] [--silence US] [--tcp]\n          "
+    "     [--trace]\n"
     "\n"
     "Simulates the Modbus RTU slaves that a gateway's configuration file describes, one pty a line.\n"
     "\n"
@@ -36,6 +38,7 @@ static const char help[] =
     "  --dir DIR      where the links to the lines (ttyS1, ...) and the socket \"control\" are made\n"
     "  --latency US   from the end of a request to the answer, microseconds, default 2000\n"
     "  --silence US   least silence that ends a request, microseconds, default 3.5 characters\n"
+    "  --tcp          serves the ports with a host, too, which is an address of this machine\n"
     "  --trace        writes the frame log to standard output\n"
     "  --version      prints the version\n"
     "\n"
@@ -52,15 +55,11 @@ static enum exit_code complain(enum exit_code code, const char *subject, const c
 static enum exit_code parse_options(int count, char **words, struct options *options)
 {
 	static const struct option known[] = {
-	    {"config", required_argument, NULL, 'c'},
-	    {"values", required_argument, NULL, 'v'},
-	    {"dir", required_argument, NULL, 'd'},
-	    {"trace", no_argument, NULL, 't'},
-	    {"latency", required_argument, NULL, 'l'},
-	    {"silence", required_argument, NULL, 's'},
-	    {"help", no_argument, NULL, 'h'},
-	    {"version", no_argument, NULL, 'V'},
-	    {NULL, 0, NULL, 0},
+	    {"config", required_argument, NULL, 'c'},  {"values", required_argument, NULL, 'v'},
+	    {"dir", required_argument, NULL, 'd'},     {"trace", no_argument, NULL, 't'},
+	    {"tcp", no_argument, NULL, 'p'},           {"latency", required_argument, NULL, 'l'},
+	    {"silence", required_argument, NULL, 's'}, {"help", no_argument, NULL, 'h'},
+	    {"version", no_argument, NULL, 'V'},       {NULL, 0, NULL, 0},
 	};
 	long latency_us = LATENCY_US, silence_us = 0;
 	int option;
@@ -78,6 +77,9 @@ static enum exit_code parse_options(int count, char **words, struct options *opt
 			break;
 		case 't':
 			trace_to_stdout();
+			break;
+		case 'p':
+			options->serves_tcp = true;
 			break;
 		case 'l':
 			if (!plant_number(optarg, 0, LATENCY_US_MAX, &latency_us))
@@ -112,7 +114,7 @@ static enum exit_code load_plant(const struct options *options)
 {
 	char error[PLANT_ERROR_SIZE];
 
-	if (plant_load_config(&plant, options->config, options->latency_ns, error))
+	if (plant_load_config(&plant, options->config, options->latency_ns, options->serves_tcp, error))
 		return complain(WRONG_USAGE, options->config, error);
 	for (size_t i = 0; i < plant.line_count; i++)
 		line_set_silence(&plant.lines[i], options->silence_ns);

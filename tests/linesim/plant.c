@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "plant.h"
 
+#include <arpa/inet.h>
 #include <errno.h>
 #include <jansson.h>
 #include <stdarg.h>
@@ -8,7 +9,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define PORT_MAX 64
+#define PORT_MAX    64
+#define MODBUS_PORT 502
 
 static int fail(char *error, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
@@ -216,6 +218,37 @@ static int name_line(struct line *line, json_t *description, const char *path, c
 	return 0;
 }
 
+static int load_address(struct line *line, json_t *description, const char *path, char *error)
+{
+	const char *host = json_string_value(json_object_get(description, "host"));
+	long port = MODBUS_PORT;
+
+	line->tcp.is_one = true;
+	line->tcp.address.sin_family = AF_INET;
+	if (!host || inet_pton(AF_INET, host, &line->tcp.address.sin_addr) != 1)
+		return fail(error, "%s.host: expected an IPv4 address of this machine", path);
+	if (json_object_get(description, "tcp_port") &&
+	    get_integer(description, path, "tcp_port", 1, UINT16_MAX, &port, error))
+		return -1;
+	if (json_object_get(description, "framing"))
+		return fail(error, "%s.framing: only Modbus TCP is served here", path);
+	line->tcp.address.sin_port = htons((uint16_t)port);
+	snprintf(line->name, sizeof line->name, "%s:%ld", host, port);
+	return 0;
+}
+
+static int load_medium(struct line *line, json_t *description, const char *path, int64_t latency_ns,
+		       char *error)
+{
+	line->latency_ns = latency_ns;
+	if (json_object_get(description, "host"))
+		return load_address(line, description, path, error);
+	return name_line(line, description, path, error) ||
+		       load_pace(line, description, path, latency_ns, error)
+		   ? -1
+		   : 0;
+}
+
 static int check_line_is_new(const struct plant *plant, const struct line *line, const char *path,
 			     char *error)
 {
@@ -242,8 +275,8 @@ static int load_line(struct plant *plant, json_t *description, const char *path,
 	if (get_integer(description, path, "value", 1, PORT_MAX, &port, error))
 		return -1;
 	line->port = (uint16_t)port;
-	if (name_line(line, description, path, error) || check_line_is_new(plant, line, path, error) ||
-	    load_pace(line, description, path, latency_ns, error))
+	if (load_medium(line, description, path, latency_ns, error) ||
+	    check_line_is_new(plant, line, path, error))
 		return -1;
 	json_array_foreach(json_object_get(description, "slaves"), index, slave)
 	{
@@ -257,7 +290,7 @@ static int load_line(struct plant *plant, json_t *description, const char *path,
 	return 0;
 }
 
-int plant_load_config(struct plant *plant, const char *path, int64_t latency_ns, char *error)
+int plant_load_config(struct plant *plant, const char *path, int64_t latency_ns, bool serves_tcp, char *error)
 {
 	size_t index;
 	json_t *port;
@@ -277,7 +310,7 @@ int plant_load_config(struct plant *plant, const char *path, int64_t latency_ns,
 
 		snprintf(place, sizeof place, "port[%zu]", index);
 		if (get_integer(port, place, "active", 0, 1, &active, error) ||
-		    (active && !json_object_get(port, "host") &&
+		    (active && (serves_tcp || !json_object_get(port, "host")) &&
 		     load_line(plant, port, place, latency_ns, error)))
 			return -1;
 	}

@@ -18,10 +18,12 @@ struct plant {
 };
 
 /*
+ * serves_tcp: ports with a host are lines, too, whose devices are behind Modbus TCP; else they are left out.
  * Both return 0, or -1 with what is wrong and where in error (PLANT_ERROR_SIZE bytes); the program ends then.
  * Nothing is freed: a plant lives as long as the program.
  */
-int plant_load_config(struct plant *plant, const char *path, int64_t latency_ns, char *error);
+int plant_load_config(struct plant *plant, const char *path, int64_t latency_ns, bool serves_tcp,
+		      char *error);
 int plant_load_values(struct plant *plant, const char *path, char *error);
 
 /* By the port's "value"; NULL: there is no such active port. */

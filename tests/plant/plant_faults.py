@@ -16,7 +16,8 @@ from pathlib import Path
 
 from plant_judge import judge
 from plant_run import FAILED, UNUSABLE, Folders
-from plant_world import GATEWAY, REPOSITORY, PlantError, World, run, world_of
+from plant_seeds import world_of
+from plant_world import GATEWAY, REPOSITORY, PlantError, World, run
 
 FAULTS = Path(__file__).with_name("faults")
 BUILD = REPOSITORY / "build" / "plant-faults"

@@ -10,14 +10,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from plant_seeds import RECOVERY_S
 from plant_world import (
     BEGIN_NS,
     CHANGES_FROM_S,
-    DEVICES,
-    LINES,
+    MODBUS_PORT,
+    NETWORKED,
     POINTS,
     PORT,
-    RECOVERY_S,
     SETTLED_S,
     Change,
     Fault,
@@ -35,6 +35,7 @@ INVALID_S = 5.0  # from the last answer of a device until its points are told in
 WINDOW_S = 10
 ANSWERS_LEAST = 15  # of a device that lives, in each window: two reads a second, and a neighbour's time-outs
 JOURNAL_S = 90.0  # what waits in a gateway without a journal, and is lost with rtud
+BEGINS_ANEW = ("kill", "stop", "hung", "cut", "lost")  # a process, or a connection
 SPONTANEOUS = 3
 END_OF_INITIALIZATION = 70  # M_EI_NA_1
 LINK_UP = 3
@@ -92,8 +93,7 @@ class History:
         """Of each point, from when on it had which value."""
         held: dict[str, list[tuple[float, int]]] = {
             f"{line * 1000 + unit}.{ioa}": [(float("-inf"), 0)]
-            for line in range(1, LINES + 1)
-            for unit in range(1, DEVICES + 1)
+            for line, unit in self.run.world.units
             for ioa in (10001, *range(30001, 30001 + POINTS))
         }
         for line in self.run.told("field"):
@@ -165,7 +165,7 @@ class History:
         return sum(
             min(fault.for_s, max(0.0, at_s - fault.at_s))
             for fault in self.faults
-            if fault.kind in ("stop", "cut") and fault.of != "rtu-modbus-1"
+            if fault.kind in ("stop", "cut") and fault.of not in ("rtu-modbus-1", f"{MODBUS_PORT}")
         )
 
 
@@ -215,17 +215,20 @@ def events_are_in_order(history: History) -> Iterator[Violation]:
 
 def is_trouble_of(device: str, fault: Fault) -> bool:
     """It may keep the device from being read. What comes late falls into what others say on the line."""
-    if fault.kind in ("cut", "lost", "power"):
+    line = device.split(".")[0]
+    if fault.kind in ("closing", "idling"):
         return False
+    if fault.kind in ("cut", "lost", "power"):
+        return (line, fault.of) == (f"{NETWORKED}", f"{MODBUS_PORT}")
     if fault.kind == "late":
-        return fault.of.split(".")[0] == device.split(".")[0]
-    return fault.of in ("rtu-modbus-1", "rtud", "linesim", device, device.split(".")[0])
+        return fault.of.split(".")[0] == line
+    return fault.of in ("rtu-modbus-1", "rtud", "linesim", device, line)
 
 
 def is_read_again_s(fault: Fault, troubles: list[Fault]) -> float:
     """From when on a device must be read as ever, by what docs/limit.md says of its probes."""
     lived = not any(fault.at_s - RAREST_S < other.end_s and other.at_s < fault.at_s for other in troubles)
-    begins_later_s = AFTER_S if fault.kind in ("kill", "stop") else 0.0
+    begins_later_s = AFTER_S if fault.kind in BEGINS_ANEW else 0.0
     return fault.end_s + begins_later_s + (max(AFTER_S, fault.for_s + PROBED_S) if lived else RAREST_S)
 
 
@@ -242,7 +245,7 @@ def overlaps(times: list[tuple[float, float]], from_s: float, to_s: float) -> bo
 def direct_times(device: str, faults: tuple[Fault, ...]) -> list[tuple[float, float]]:
     """When a device that answers may be read too seldom."""
     return [
-        (fault.at_s, fault.end_s + (AFTER_S if fault.kind in ("kill", "stop") else PROBED_S))
+        (fault.at_s, fault.end_s + (AFTER_S if fault.kind in BEGINS_ANEW else PROBED_S))
         for fault in faults
         if is_trouble_of(device, fault)
     ]

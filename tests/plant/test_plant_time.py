@@ -21,7 +21,8 @@ from lab.patience import Deadline
 from plant_faults import FAULTS, look_for, names
 from plant_judge import LINK_UP, WALL_NS, Violation, judge
 from plant_run import shrunk, story
-from plant_world import BUILD, Change, Fault, Run, World, calm, restless, troubled
+from plant_seeds import FAR_LINES, calm, far, restless, troubled
+from plant_world import BUILD, Change, Fault, Run, World
 
 SECONDS = 60.0
 TROUBLED_S = 300.0
@@ -119,6 +120,13 @@ def test_what_must_hold_on_lines_of_a_busy_host(
     programs: Path, linesim_program: Path, folder: Path, seed: int
 ) -> None:
     ran = run_world(restless(seed, TROUBLED_S), folder / f"lines-{seed}")
+    violations = judge(ran)
+    assert not violations, story(ran, violations)
+
+
+@pytest.mark.slow
+def test_what_must_hold_far_away(programs: Path, linesim_program: Path, folder: Path) -> None:
+    ran = run_world(far(7, TROUBLED_S), folder / "far-7")
     violations = judge(ran)
     assert not violations, story(ran, violations)
 
@@ -259,6 +267,19 @@ def test_a_device_that_is_late_answers_behind_its_time(
     bad = {told["point"] for told in ran.told("consumer") if told.get("quality") and told["at"] > 1010e9}
     assert bad == {"1002.10001", "1002.30001", "1002.30002"}
     assert 0 < answers_between(ran, "1.2", 10.2, 24.8) < 15
+
+
+def test_sessions_that_hang_and_that_are_closed(programs: Path, linesim_program: Path, folder: Path) -> None:
+    """The devices behind a hung one are invalid for some seconds; those behind one that is closed are not."""
+    faults = (Fault(10.0, "hung", "7"), Fault(30.0, "closing", "7", for_s=10.0))
+    idling = Fault(42.0, "idling", "7", for_s=10.0, late_s=0.3)
+    ran = run_world(World(2, SECONDS, (), (*faults, idling), lines=FAR_LINES), folder / "sessions")
+    bad = {told["at"] // 10**9 - 1000 for told in ran.told("consumer") if told.get("quality")}
+    assert bad
+    assert 10 <= min(bad) <= max(bad) < 20
+    assert len(lines_of(ran, b" linesim#1 accept ")) > 40
+    assert answers_between(ran, "7.1", 30.0, 52.0) > 40
+    assert judge(ran) == []
 
 
 # ---- the judge sees what is wrong ----------------------------------------------------------------------

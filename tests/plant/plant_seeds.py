@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a seed makes of a world: what its devices hold, and what fails."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+from plant_world import (
+    CHANGES_FROM_S,
+    DEVICES,
+    MODBUS_PORT,
+    NETWORKED,
+    POINTS,
+    PORT,
+    SERIAL,
+    SETTLED_S,
+    Change,
+    Fault,
+    World,
+)
+
+FAULTS_FROM_S = 10.0
+RECOVERY_S = 60.0  # without a fault, before the end
+MODULES = ("rtu-modbus-1", "rtu-iec104", "rtud", "rtu-centre")
+CALLS_MAX = 200
+LOST_ONE_OF = 3  # cuts
+BAD_S, QUIET_S = 60.0, 80.0
+KILLS_APART_S = 10.0  # two in one instant of the plant would tell the same twice
+LINE_LONGEST_S = 40.0
+LATEST_S = 3.0
+STALLS_MAX = 20
+STALL_LONGEST_S = 3.0
+STALL_CALLS_MAX = 20
+LONGEST_S = {"stop": 20.0, "silent": 20.0, "cut": 40.0}
+SESSION_LONGEST_S = 30.0
+FAR_LINES = (1, NETWORKED)
+
+
+@dataclass
+class Field:
+    """What devices hold: values that never come twice, so that each report says which change it is of."""
+
+    random: random.Random
+    seconds: float
+    lines: tuple[int, ...] = SERIAL
+    next_value: int = 1
+    bits: dict[str, int] = field(default_factory=dict)
+
+    def line(self) -> int:
+        return self.lines[self.random.randrange(len(self.lines))]
+
+    def device(self) -> str:
+        return f"{self.line()}.{self.random.randrange(DEVICES) + 1}"
+
+    def change(self, at_s: float) -> Change:
+        device = self.device()
+        if self.random.random() < 0.2:
+            self.bits[device] = 1 - self.bits.get(device, 0)
+            return Change(at_s, device, "discrete_inputs", 0, self.bits[device])
+        self.next_value = self.next_value % 32000 + 1
+        return Change(at_s, device, "input_registers", self.random.randrange(POINTS), self.next_value)
+
+    def times(self, from_s: float, to_s: float, mean_s: float) -> Iterator[float]:
+        at_s = from_s
+        while (at_s := at_s + self.random.expovariate(1 / mean_s)) < to_s:
+            yield round(at_s, 3)
+
+    def changes(self, mean_s: float) -> tuple[Change, ...]:
+        end_s = self.seconds - SETTLED_S
+        return tuple(self.change(at_s) for at_s in self.times(CHANGES_FROM_S, end_s, mean_s))
+
+    def fault(self, at_s: float) -> Fault:
+        kind = self.random.choice(("kill", "stop", "silent", "cut"))
+        for_s = round(LONGEST_S[kind] * self.random.random() ** 3, 3) if kind != "kill" else 0.0
+        calls = self.random.randrange(CALLS_MAX)
+        match kind:
+            case "silent":
+                return Fault(at_s, kind, self.device(), for_s=for_s)
+            case "cut" if calls % LOST_ONE_OF == 0:
+                return Fault(at_s, "power" if calls % 2 else "lost", f"{PORT}")
+            case "cut":
+                return Fault(at_s, kind, f"{PORT}", for_s=for_s)
+            case _:
+                return Fault(at_s, kind, self.random.choice(MODULES), calls, for_s)
+
+    def session_fault(self, at_s: float) -> Fault:
+        """Of what is behind Modbus TCP."""
+        kind = self.random.choice(("hung", "closing", "idling", "cut", "lost", "late", "silent", "unplugged"))
+        for_s = round(SESSION_LONGEST_S * self.random.random() ** 2, 3)
+        part = self.random.random()
+        match kind:
+            case "hung":
+                return Fault(at_s, kind, f"{NETWORKED}")
+            case "cut":
+                return Fault(at_s, kind, f"{MODBUS_PORT}", for_s=for_s)
+            case "lost":
+                return Fault(at_s, kind, f"{MODBUS_PORT}")
+            case "late":
+                return Fault(at_s, kind, self.device(), for_s=for_s, late_s=round(LATEST_S * part**2, 3))
+            case "silent":
+                return Fault(at_s, kind, self.device(), for_s=for_s)
+            case "idling":
+                return Fault(at_s, kind, f"{NETWORKED}", for_s=for_s, late_s=round(0.05 + part, 3))
+            case _:
+                return Fault(at_s, kind, f"{NETWORKED}", for_s=for_s)
+
+    def far_fault(self, at_s: float) -> Fault:
+        return self.session_fault(at_s) if self.random.random() < 0.6 else self.fault(at_s)
+
+    def made_by(self, make: Callable[[float], Fault], mean_s: float) -> tuple[Fault, ...]:
+        end_s = self.seconds - RECOVERY_S
+        made = (make(at_s) for at_s in self.times(FAULTS_FROM_S, end_s, mean_s))
+        return tuple(fault for fault in made if fault.end_s < end_s)
+
+    def stalls(self, at_s: float) -> Iterator[Fault]:
+        """Of a busy host: again and again somebody does not run for a while."""
+        of = self.random.choice(("linesim", "rtu-modbus-1"))
+        for _ in range(self.random.randrange(1, STALLS_MAX)):
+            for_s = round(STALL_LONGEST_S * self.random.random() ** 2, 3)
+            yield Fault(round(at_s, 3), "stop", of, self.random.randrange(STALL_CALLS_MAX), for_s)
+            at_s += for_s + self.random.expovariate(1.0)
+
+    def line_faults(self, at_s: float) -> Iterator[Fault]:
+        """What a line, its devices and the host do to it."""
+        kind = self.random.choice(("silent", "late", "unplugged", "stalls", "kill"))
+        for_s = round(LINE_LONGEST_S * self.random.random() ** 2, 3)
+        late_s = round(LATEST_S * self.random.random() ** 2, 3)
+        match kind:
+            case "stalls":
+                yield from self.stalls(at_s)
+            case "kill":
+                yield Fault(at_s, kind, "rtu-modbus-1", self.random.randrange(CALLS_MAX))
+            case "unplugged":
+                yield Fault(at_s, kind, f"{self.line()}", for_s=for_s)
+            case _:
+                yield Fault(at_s, kind, self.device(), for_s=for_s, late_s=late_s if kind == "late" else 0.0)
+
+    def bad_phases(self, mean_s: float) -> tuple[Fault, ...]:
+        """Phases with faults and phases without; none of something that has one, or was just killed."""
+        faults: list[Fault] = []
+        from_s = FAULTS_FROM_S
+        while from_s + BAD_S + QUIET_S < self.seconds:
+            until_s: dict[str, float] = {}
+            for at_s in self.times(from_s, from_s + BAD_S, mean_s):
+                for fault in self.line_faults(at_s):
+                    if fault.end_s < from_s + BAD_S and fault.at_s > until_s.get(fault.of, 0.0):
+                        until_s[fault.of] = fault.end_s + (KILLS_APART_S if fault.kind == "kill" else 0.0)
+                        faults.append(fault)
+            from_s += BAD_S + QUIET_S
+        return tuple(sorted(faults, key=lambda fault: fault.at_s))
+
+
+def calm(seed: int, seconds: float) -> World:
+    """Nothing fails."""
+    return World(seed, seconds, Field(random.Random(seed), seconds).changes(mean_s=1.0))
+
+
+def troubled(seed: int, seconds: float, fault_every_s: float = 30.0) -> World:
+    """Modules die and stop, devices are silent, the link to the centre is cut."""
+    of_seed = Field(random.Random(seed), seconds)
+    changes = of_seed.changes(mean_s=1.0)
+    return World(seed, seconds, changes, of_seed.made_by(of_seed.fault, fault_every_s))
+
+
+def restless(seed: int, seconds: float, fault_every_s: float = 8.0) -> World:
+    """Devices are silent or late, lines are unplugged, the host is busy; then all is well for some time."""
+    of_seed = Field(random.Random(seed), seconds)
+    changes = of_seed.changes(mean_s=1.0)
+    return World(seed, seconds, changes, of_seed.bad_phases(fault_every_s), scanned=(2,))
+
+
+def far(seed: int, seconds: float, fault_every_s: float = 8.0) -> World:
+    """Devices behind Modbus TCP hang up, hang, and cannot be reached; all else fails as well."""
+    of_seed = Field(random.Random(seed), seconds, FAR_LINES)
+    changes = of_seed.changes(mean_s=1.0)
+    faults = of_seed.made_by(of_seed.far_fault, fault_every_s)
+    return World(seed, seconds, changes, faults, lines=FAR_LINES)
+
+
+def world_of(seed: int, seconds: float, fault_every_s: float = 30.0) -> World:
+    """Of four seeds one is about lines, and one about what is far away."""
+    match seed % 4:
+        case 2:
+            return restless(seed, seconds)
+        case 3:
+            return far(seed, seconds, fault_every_s)
+    return troubled(seed, seconds, fault_every_s)
