@@ -258,9 +258,10 @@ static uint32_t choose(struct plant *plant)
 /* False: nothing will ever happen before the end. */
 static bool move_clock(struct plant *plant)
 {
-	const int64_t cut_ns = next_cut_ns(plant);
-	int64_t next_ns = cut_ns;
+	int64_t network_ns = next_cut_ns(plant), next_ns;
 
+	take_earlier(&network_ns, plant_next_arrival_ns(plant));
+	next_ns = network_ns;
 	for (uint32_t i = 0; i < plant->process_count; i++) {
 		const struct plant_process *process = &plant->processes[i];
 		const bool stopped = process->stopped_ns > plant->now_ns;
@@ -274,7 +275,7 @@ static bool move_clock(struct plant *plant)
 	}
 	plant->now_ns = next_ns;
 	plant->spins = 0;
-	plant->changes += next_ns == cut_ns;
+	plant->changes += next_ns == network_ns;
 	return true;
 }
 

@@ -73,6 +73,13 @@ void epoll_forget(int fd);
 short network_events(int fd, short wanted, short found);
 bool network_is_cut(int fd);
 bool network_is_lost(int fd); /* for ever: what is written goes nowhere */
+/* Of a connection with delay: how many octets of size may be taken now. */
+size_t network_arrived(int fd, size_t size);
+void network_took(int fd, ssize_t size);
+void network_sent(int fd, ssize_t size);
+/* Its other end learns it as late as what was sent. */
+void network_close(int fd);
+
 void network_forget(int fd);
 
 /* ---- descriptors: files.c */

@@ -127,13 +127,38 @@ static ssize_t read_terminal(int fd, uint8_t *out, size_t size)
 	return got;
 }
 
+/* False with errno: nothing is there yet. */
+static bool limit_to_arrived(int fd, size_t *size)
+{
+	const size_t arrived = network_arrived(fd, *size);
+
+	errno = EAGAIN;
+	if (!arrived && *size)
+		return false;
+	*size = arrived;
+	return true;
+}
+
+static ssize_t take_arrived(int fd, void *out, size_t size)
+{
+	ssize_t got;
+
+	if (!limit_to_arrived(fd, &size))
+		return -1;
+	got = real.read(fd, out, size);
+	network_took(fd, got);
+	return got;
+}
+
 static ssize_t take(int fd, enum fd_kind kind, void *out, size_t size)
 {
 	if (timer_is(fd))
 		return timer_read(fd, out, size);
 	if (!may_take(fd))
 		return -1;
-	return kind == FD_TERMINAL ? read_terminal(fd, out, size) : real.read(fd, out, size);
+	if (kind == FD_TERMINAL)
+		return read_terminal(fd, out, size);
+	return kind == FD_SOCKET ? take_arrived(fd, out, size) : real.read(fd, out, size);
 }
 
 ssize_t read(int fd, void *out, size_t size)
@@ -158,7 +183,13 @@ ssize_t __read_chk(int fd, void *out, size_t size, size_t room)
 
 static ssize_t give(int fd, const void *octets, size_t size)
 {
-	return network_is_lost(fd) ? (ssize_t)size : real.write(fd, octets, size);
+	ssize_t result;
+
+	if (network_is_lost(fd))
+		return (ssize_t)size;
+	result = real.write(fd, octets, size);
+	network_sent(fd, result);
+	return result;
 }
 
 ssize_t write(int fd, const void *octets, size_t size)
@@ -175,16 +206,34 @@ ssize_t write(int fd, const void *octets, size_t size)
 	return gave("write", fd, kind, octets, give(fd, octets, size));
 }
 
+/* Without waiting: false with errno. */
+static bool may_take_now(int fd)
+{
+	if (!network_is_cut(fd))
+		return true;
+	errno = EAGAIN;
+	return false;
+}
+
+static ssize_t receive(int fd, void *out, size_t size, int flags, struct sockaddr *address,
+		       socklen_t *address_size)
+{
+	ssize_t got;
+
+	if (!(flags & MSG_DONTWAIT ? may_take_now(fd) : may_take(fd)) || !limit_to_arrived(fd, &size))
+		return -1;
+	got = real.recvfrom(fd, out, size, flags, address, address_size);
+	network_took(fd, got);
+	return got;
+}
+
 ssize_t recvfrom(int fd, void *restrict out, size_t size, int flags, struct sockaddr *restrict address,
 		 socklen_t *restrict address_size)
 {
 	if (!plant)
 		return real.recvfrom(fd, out, size, flags, address, address_size);
 	client_call();
-	return took("recv", fd, FD_SOCKET, out,
-		    (flags & MSG_DONTWAIT ? !network_is_cut(fd) || (errno = EAGAIN, false) : may_take(fd))
-			? real.recvfrom(fd, out, size, flags, address, address_size)
-			: -1);
+	return took("recv", fd, FD_SOCKET, out, receive(fd, out, size, flags, address, address_size));
 }
 
 ssize_t recv(int fd, void *out, size_t size, int flags)
@@ -200,6 +249,18 @@ ssize_t __recv_chk(int fd, void *out, size_t size, size_t room, int flags)
 	return recv(fd, out, size, flags);
 }
 
+static ssize_t send_on(int fd, const void *octets, size_t size, int flags, const struct sockaddr *address,
+		       socklen_t address_size)
+{
+	ssize_t result;
+
+	if (network_is_lost(fd))
+		return (ssize_t)size;
+	result = real.sendto(fd, octets, size, flags, address, address_size);
+	network_sent(fd, result);
+	return result;
+}
+
 ssize_t sendto(int fd, const void *octets, size_t size, int flags, const struct sockaddr *address,
 	       socklen_t address_size)
 {
@@ -208,9 +269,7 @@ ssize_t sendto(int fd, const void *octets, size_t size, int flags, const struct 
 	client_call();
 	if (!(flags & MSG_DONTWAIT) && wait_blocking(fd, POLLOUT) < 0)
 		return -1;
-	return gave("send", fd, FD_SOCKET, octets,
-		    network_is_lost(fd) ? (ssize_t)size
-					: real.sendto(fd, octets, size, flags, address, address_size));
+	return gave("send", fd, FD_SOCKET, octets, send_on(fd, octets, size, flags, address, address_size));
 }
 
 ssize_t send(int fd, const void *octets, size_t size, int flags)
@@ -257,6 +316,7 @@ int close(int fd)
 	client_begin();
 	if (!plant)
 		return real.close(fd);
+	network_close(fd);
 	forget(fd);
 	if (files_kind(fd) != FD_FILE) {
 		client_call();

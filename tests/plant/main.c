@@ -44,6 +44,8 @@ static const char help[] =
     "  stop     NAME TIME CALLS FOR      it does not run for that long\n"
     "  cut      PORT TIME TO             no octet passes the TCP port\n"
     "  lose     PORT TIME                nothing of its connections arrives any more; new ones can be made\n"
+    "  delay    PORT LEAST MOST          what is sent over the TCP port is on its way so long, and longer if "
+    "it is lost\n"
     "\n"
     "Exit codes: 0 the end came, 1 a process ended by a fault of its own, or all are "
     "stuck, 2 wrong usage or file.\n";
@@ -127,6 +129,16 @@ static void add_loss(char *words[])
 	    (struct plant_loss){.port = (uint16_t)number_of(words[1]), .at_ns = BEGIN_NS + ns_of(words[2])};
 }
 
+static void add_delay(char *words[])
+{
+	const struct plant_delay delay = {(uint16_t)number_of(words[1]), ns_of(words[2]), ns_of(words[3])};
+
+	if (plant->delay_count == PLANT_DELAYS || delay.most_ns < delay.least_ns || delay.most_ns == 0)
+		give_up(WRONG_USAGE, words[0],
+			"expected a port, and two times of which the second is longer");
+	plant->delays[plant->delay_count++] = delay;
+}
+
 static int by_time(const void *one, const void *other)
 {
 	const int64_t from_ns = ((const struct plant_fault *)one)->from_ns;
@@ -155,6 +167,8 @@ static void take_line(char *line)
 		add_fault(PLANT_CUT, words, count);
 	else if (strcmp(words[0], "lose") == 0)
 		add_loss(words);
+	else if (strcmp(words[0], "delay") == 0)
+		add_delay(words);
 	else
 		give_up(WRONG_USAGE, words[0], "unknown word");
 }

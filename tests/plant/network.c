@@ -24,6 +24,7 @@ static struct link {
 	uint16_t own, peer;
 	int64_t since_ns;
 	uint16_t waits_for; /* a connection that is begun when the cut is over */
+	bool connecting;    /* as what says that it is made is on its way */
 	int error;
 	bool of_ipv6;
 } links[CLIENT_FDS];
@@ -31,11 +32,6 @@ static struct link {
 static struct link *link_of(int fd)
 {
 	return &links[fd >= 0 && fd < CLIENT_FDS ? fd : 0];
-}
-
-void network_forget(int fd)
-{
-	*link_of(fd) = (struct link){0};
 }
 
 static socklen_t put_name(struct sockaddr_un *name, uint16_t port)
@@ -109,6 +105,73 @@ bool network_is_cut(int fd)
 	       network_is_lost(fd);
 }
 
+/* ---- links with delay -------------------------------------------------------------------- */
+
+static const struct link *delayed_link(int fd)
+{
+	const struct link *link = plant->delay_count > 0 ? known_link(fd) : NULL;
+
+	return link && link->peer && plant_is_delayed(plant, link->own, link->peer) ? link : NULL;
+}
+
+size_t network_arrived(int fd, size_t size)
+{
+	const struct link *link = delayed_link(fd);
+	size_t arrived;
+
+	if (!link)
+		return size;
+	arrived = plant_arrived(plant, link->peer, link->own);
+	if (!arrived && !plant_is_on_its_way(plant, link->peer, link->own))
+		return size; /* it has ended */
+	return arrived < size ? arrived : size;
+}
+
+void network_took(int fd, ssize_t size)
+{
+	const struct link *link = delayed_link(fd);
+
+	if (link && size >= 0)
+		plant_took(plant, link->peer, link->own, (size_t)size);
+}
+
+void network_sent(int fd, ssize_t size)
+{
+	const struct link *link = delayed_link(fd);
+
+	if (link && size >= 0)
+		plant_send(plant, link->own, link->peer, (size_t)size, plant->now_ns);
+}
+
+void network_close(int fd)
+{
+	const struct link *link = delayed_link(fd);
+
+	if (!link)
+		return;
+	plant_forget_flights(plant, link->peer, link->own);
+	plant_send(plant, link->own, link->peer, 0, plant->now_ns);
+}
+
+void network_forget(int fd)
+{
+	*link_of(fd) = (struct link){0};
+}
+
+/* What is there, and not yet to be seen. */
+static short arrived_events(struct link *link, short found)
+{
+	const bool on_its_way = plant_is_on_its_way(plant, link->peer, link->own);
+
+	if (link->connecting && on_its_way)
+		return 0;
+	link->connecting = false;
+	if (!on_its_way)
+		return found;
+	return plant_arrived(plant, link->peer, link->own) ? (short)(found & (POLLIN | POLLOUT))
+							   : (short)(found & POLLOUT);
+}
+
 static uint16_t port_of(const struct sockaddr *address)
 {
 	if (address->sa_family == AF_INET)
@@ -168,6 +231,22 @@ static int connect_port(int fd, uint16_t port)
 	return real.connect(fd, (struct sockaddr *)&name, size);
 }
 
+/* There and back until it is known here. */
+static int connect_far(int fd, uint16_t port)
+{
+	int result = connect_port(fd, port);
+	const struct link *link = result == 0 ? delayed_link(fd) : NULL;
+	int64_t there_ns;
+
+	if (!link)
+		return result;
+	link_of(fd)->connecting = true;
+	there_ns = plant_send(plant, link->own, link->peer, 0, plant->now_ns);
+	plant_send(plant, link->peer, link->own, 0, there_ns);
+	errno = EINPROGRESS;
+	return -1;
+}
+
 /* ---- what waits asks --------------------------------------------------------------------- */
 
 short network_events(int fd, short wanted, short found)
@@ -186,7 +265,9 @@ short network_events(int fd, short wanted, short found)
 		real.poll(&again, 1, 0);
 		return again.revents;
 	}
-	return network_is_cut(fd) ? found & POLLOUT : found;
+	if (network_is_cut(fd))
+		return found & POLLOUT;
+	return delayed_link(fd) ? arrived_events(link, found) : found;
 }
 
 /* ---- the calls --------------------------------------------------------------------------- */
@@ -234,7 +315,7 @@ int connect(int fd, const struct sockaddr *address, socklen_t size)
 		errno = EINPROGRESS;
 		result = -1;
 	} else {
-		result = connect_port(fd, port_of(address));
+		result = connect_far(fd, port_of(address));
 	}
 	error = errno;
 	client_changes();
@@ -328,6 +409,8 @@ int shutdown(int fd, int how)
 		return real.shutdown(fd, how);
 	client_call();
 	result = real.shutdown(fd, how);
+	if (result == 0 && how != SHUT_RD)
+		network_sent(fd, 0);
 	client_changes();
 	client_tell("shutdown %d %d", fd, result);
 	return result;

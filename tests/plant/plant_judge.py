@@ -28,6 +28,7 @@ WALL_NS = 1767225600 * 10**9  # main.c
 S = 10**9
 AGE_S = 3.0
 HELD_S = 5.0
+LOST_DELAYS = 5  # flights.c: of what is lost and repeated, at most
 AFTER_S = 15.0  # what is behind a fault may still be its consequence
 RAREST_S = 65.0  # the longest pause before a probe, and the probe (docs/limit.md)
 PROBED_S = 5.0  # a device that lived for long before is probed so soon after it was dead for as long again
@@ -160,9 +161,14 @@ class History:
         first = max(0, bisect_right(held, (from_s, -1)) - 1)
         return any(has == value for since, has in held[first:] if since <= to_s)
 
+    @property
+    def way_s(self) -> float:
+        """To the centre, at most."""
+        return sum(LOST_DELAYS * link.most_s for link in self.run.world.links if link.port == PORT)
+
     def delay_s(self, at_s: float) -> float:
-        """What stops and cuts may have held up until then."""
-        return sum(
+        """What stops and cuts may have held up until then, and the way."""
+        return self.way_s + sum(
             min(fault.for_s, max(0.0, at_s - fault.at_s))
             for fault in self.faults
             if fault.kind in ("stop", "cut") and fault.of not in ("rtu-modbus-1", f"{MODBUS_PORT}")

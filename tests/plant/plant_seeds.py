@@ -18,6 +18,7 @@ from plant_world import (
     SETTLED_S,
     Change,
     Fault,
+    Link,
     World,
 )
 
@@ -36,6 +37,7 @@ STALL_CALLS_MAX = 20
 LONGEST_S = {"stop": 20.0, "silent": 20.0, "cut": 40.0}
 SESSION_LONGEST_S = 30.0
 FAR_LINES = (1, NETWORKED)
+GPRS, RADIO, CABLE = Link(PORT, 0.6, 1.5), Link(PORT, 0.05, 0.4), Link(MODBUS_PORT, 0.002, 0.02)
 
 
 @dataclass
@@ -176,7 +178,8 @@ def far(seed: int, seconds: float, fault_every_s: float = 8.0) -> World:
     of_seed = Field(random.Random(seed), seconds, FAR_LINES)
     changes = of_seed.changes(mean_s=1.0)
     faults = of_seed.made_by(of_seed.far_fault, fault_every_s)
-    return World(seed, seconds, changes, faults, lines=FAR_LINES)
+    links = (of_seed.random.choice((GPRS, RADIO)), CABLE)
+    return World(seed, seconds, changes, faults, lines=FAR_LINES, links=links)
 
 
 def world_of(seed: int, seconds: float, fault_every_s: float = 30.0) -> World:

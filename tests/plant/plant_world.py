@@ -104,6 +104,15 @@ def field_commands(fault: Fault) -> tuple[str, str]:
 
 
 @dataclass(frozen=True)
+class Link:
+    """What goes over it is so long on its way, and longer where TCP repeats it."""
+
+    port: int
+    least_s: float
+    most_s: float
+
+
+@dataclass(frozen=True)
 class World:
     """Lines of three devices, rtud with its modules, one controlling station."""
 
@@ -113,6 +122,7 @@ class World:
     faults: tuple[Fault, ...] = ()
     scanned: tuple[int, ...] = ()  # lines whose devices are read as often as the line allows
     lines: tuple[int, ...] = SERIAL
+    links: tuple[Link, ...] = ()  # those with delay
 
     @property
     def units(self) -> list[tuple[int, int]]:
@@ -184,6 +194,8 @@ class World:
         lines = [["end", f"{self.seconds}"]]
         for name, (at_s, words) in programs.items():
             lines.append(["start", name, f"{at_s}", f"{folder}/{name}.out", f"{folder}/{name}.log", *words])
+        for link in self.links:
+            lines.append(["delay", f"{link.port}", f"{link.least_s}", f"{link.most_s}"])
         for fault in self.faults:
             match fault.kind:
                 case "kill":

@@ -11,6 +11,8 @@
 #define PLANT_PROCESSES 64
 #define PLANT_FAULTS    4096
 #define PLANT_LOSSES    256
+#define PLANT_DELAYS    8
+#define PLANT_FLIGHTS   1024
 #define PLANT_NAMES     64
 #define PLANT_DYING     PLANT_PROCESSES
 #define PLANT_NAME_SIZE 24
@@ -64,6 +66,20 @@ struct plant_loss {
 	int64_t at_ns;
 };
 
+/* How long what is sent over a TCP port is on its way. */
+struct plant_delay {
+	uint16_t port;
+	int64_t least_ns;
+	int64_t most_ns;
+};
+
+/* What was sent at once, from port to port. size 0: a connection, or its end. */
+struct plant_flight {
+	uint16_t from, to;
+	uint32_t size;
+	int64_t due_ns;
+};
+
 struct plant_name {
 	char name[PLANT_NAME_SIZE];
 	uint32_t lives;
@@ -89,6 +105,10 @@ struct plant {
 	struct plant_fault faults[PLANT_FAULTS];
 	uint32_t loss_count;
 	struct plant_loss losses[PLANT_LOSSES];
+	uint32_t delay_count;
+	struct plant_delay delays[PLANT_DELAYS];
+	uint32_t flight_count;
+	struct plant_flight flights[PLANT_FLIGHTS];
 	struct plant_name names[PLANT_NAMES];
 	uint32_t dying_count;
 	int32_t dying[PLANT_DYING]; /* have left the baton, and may still have descriptors */
@@ -128,6 +148,20 @@ bool plant_is_cut(const struct plant *plant, uint16_t port);
 
 /* What was connected to this port then is lost by now. */
 bool plant_is_lost(const struct plant *plant, uint16_t port, int64_t since_ns);
+
+/* flights.c: links with delay. */
+
+bool plant_is_delayed(const struct plant *plant, uint16_t one, uint16_t other);
+
+/* Returns when it is there. size 0: then a connection is known there that is made or has ended. */
+int64_t plant_send(struct plant *plant, uint16_t from, uint16_t to, size_t size, int64_t sent_ns);
+
+/* So many octets may be taken, and something comes later. */
+size_t plant_arrived(const struct plant *plant, uint16_t from, uint16_t to);
+bool plant_is_on_its_way(const struct plant *plant, uint16_t from, uint16_t to);
+void plant_took(struct plant *plant, uint16_t from, uint16_t to, size_t size);
+void plant_forget_flights(struct plant *plant, uint16_t from, uint16_t to);
+int64_t plant_next_arrival_ns(const struct plant *plant);
 
 /* What the process' call is: dies or stops there, if a fault says so. */
 const struct plant_fault *plant_fault_at(struct plant *plant, uint32_t process);

@@ -125,6 +125,14 @@ def test_what_must_hold_on_lines_of_a_busy_host(
 
 
 @pytest.mark.slow
+def test_a_world_far_away_is_one_trace(programs: Path, linesim_program: Path, folder: Path) -> None:
+    world = far(4, SHORT_S, fault_every_s=5.0)
+    first = run_world(world, folder / "far")
+    with busy_processes(BUSY):
+        assert run_world(world, folder / "far-busy").trace == first.trace
+
+
+@pytest.mark.slow
 def test_what_must_hold_far_away(programs: Path, linesim_program: Path, folder: Path) -> None:
     ran = run_world(far(7, TROUBLED_S), folder / "far-7")
     violations = judge(ran)
@@ -482,6 +490,44 @@ def run_script(tmp_path: Path, script: str, at_s: float = 0.0) -> "subprocess.Co
     return run_alone(tmp_path, "end\t60\n" + "\t".join(start) + "\n")
 
 
+ECHO = """
+import socket
+with socket.create_server(("127.0.0.1", 2404)) as server:
+    peer, _ = server.accept()
+    while octets := peer.recv(100):
+        peer.sendall(octets)
+"""
+ASK = """
+import select, socket, time
+begun = time.monotonic()
+def passed(): return round(time.monotonic() - begun, 3)
+peer = socket.socket()
+peer.setblocking(False)
+peer.connect_ex(("127.0.0.1", 2404))
+select.select([], [peer], [])
+print("connected", passed())
+peer.send(b"one")
+peer.send(b"two")
+select.select([peer], [], [])
+print(peer.recv(100), passed())
+peer.shutdown(socket.SHUT_WR)
+select.select([peer], [], [])
+print(peer.recv(100), passed())
+"""
+
+
+def test_a_link_with_delay(programs: Path, tmp_path: Path) -> None:
+    lines = ["end\t60", "delay\t2404\t1\t1"]
+    for name, script, at_s in (("echo", ECHO, "0"), ("ask", ASK, "1")):
+        path = tmp_path / name
+        path.write_text(script)
+        start = ["start", name, at_s, f"{path}.out", f"{path}.log", sys.executable, "-I", "-S", f"{path}"]
+        lines.append("\t".join(start))
+    assert run_alone(tmp_path, "\n".join(lines) + "\n").returncode == 0
+    said = (tmp_path / "ask.out").read_text()
+    assert said == "connected 2.0\nb'onetwo' 4.0\nb'' 6.0\n", (said, (tmp_path / "ask.log").read_text())
+
+
 def test_an_epoll_in_an_epoll_knows_when_its_timer_is_due(programs: Path, tmp_path: Path) -> None:
     assert run_script(tmp_path, NESTED).returncode == 0
     assert (tmp_path / "out").read_text() == "1 2.0\n", (tmp_path / "log").read_text()
@@ -538,6 +584,7 @@ def test_a_crash_is_told(programs: Path, tmp_path: Path) -> None:
         ("end\t5\nstart\tx\t0\n", "start: expected a name, a time, two files and a program"),
         ("kill\trtud\t1\n", "expected a number"),
         ("lose\t2404\n", "expected a time in seconds"),
+        ("delay\t2404\t2\t1\n", "expected a port, and two times"),
     ],
 )
 def test_a_world_that_is_none(programs: Path, tmp_path: Path, world: str, said: str) -> None:
