@@ -235,6 +235,28 @@ static int64_t next_cut_ns(const struct plant *plant)
 	return next_ns;
 }
 
+static int64_t next_step_ns(const struct plant *plant)
+{
+	int64_t next_ns = PLANT_NEVER;
+
+	for (uint32_t i = 0; i < plant->step_count; i++)
+		if (!plant->steps[i].done)
+			take_earlier(&next_ns, plant->steps[i].at_ns);
+	return next_ns > plant->now_ns ? next_ns : plant->now_ns;
+}
+
+static void take_steps(struct plant *plant)
+{
+	for (uint32_t i = 0; i < plant->step_count; i++) {
+		struct plant_step *step = &plant->steps[i];
+
+		if (step->done || step->at_ns > plant->now_ns)
+			continue;
+		plant->wall_ns += step->by_ns;
+		step->done = true;
+	}
+}
+
 /* ---- the baton --------------------------------------------------------------------------- */
 
 static bool may_be_ready(const struct plant *plant, const struct plant_process *process)
@@ -262,6 +284,7 @@ static bool move_clock(struct plant *plant)
 
 	take_earlier(&network_ns, plant_next_arrival_ns(plant));
 	next_ns = network_ns;
+	take_earlier(&next_ns, next_step_ns(plant));
 	for (uint32_t i = 0; i < plant->process_count; i++) {
 		const struct plant_process *process = &plant->processes[i];
 		const bool stopped = process->stopped_ns > plant->now_ns;
@@ -276,6 +299,7 @@ static bool move_clock(struct plant *plant)
 	plant->now_ns = next_ns;
 	plant->spins = 0;
 	plant->changes += next_ns == network_ns;
+	take_steps(plant);
 	return true;
 }
 

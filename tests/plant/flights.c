@@ -8,7 +8,7 @@
 #include "shared.h"
 
 #define LOST_ONE_OF 20
-#define REPEATED_IN 4 /* most delays until a lost one is there, at the latest */
+#define REPEATED_IN 2 /* most delays until a lost one is there, at the latest */
 
 static const struct plant_delay *delay_of(const struct plant *plant, uint16_t one, uint16_t other)
 {

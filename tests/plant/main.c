@@ -46,6 +46,7 @@ static const char help[] =
     "  lose     PORT TIME                nothing of its connections arrives any more; new ones can be made\n"
     "  delay    PORT LEAST MOST          what is sent over the TCP port is on its way so long, and longer if "
     "it is lost\n"
+    "  step     TIME BY                  the calendar clock goes forward by that, or back if it is below 0\n"
     "\n"
     "Exit codes: 0 the end came, 1 a process ended by a fault of its own, or all are "
     "stuck, 2 wrong usage or file.\n";
@@ -139,6 +140,17 @@ static void add_delay(char *words[])
 	plant->delays[plant->delay_count++] = delay;
 }
 
+static void add_step(char *words[])
+{
+	const bool back = words[2] && words[2][0] == '-';
+	const int64_t by_ns = ns_of(words[2] ? words[2] + back : NULL);
+
+	if (plant->step_count == PLANT_STEPS)
+		give_up(WRONG_USAGE, words[0], "too many steps");
+	plant->steps[plant->step_count++] =
+	    (struct plant_step){.at_ns = BEGIN_NS + ns_of(words[1]), .by_ns = back ? -by_ns : by_ns};
+}
+
 static int by_time(const void *one, const void *other)
 {
 	const int64_t from_ns = ((const struct plant_fault *)one)->from_ns;
@@ -169,6 +181,8 @@ static void take_line(char *line)
 		add_loss(words);
 	else if (strcmp(words[0], "delay") == 0)
 		add_delay(words);
+	else if (strcmp(words[0], "step") == 0)
+		add_step(words);
 	else
 		give_up(WRONG_USAGE, words[0], "unknown word");
 }

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 from bisect import bisect_right
 from collections import defaultdict
 from collections.abc import Iterator
@@ -28,7 +29,8 @@ WALL_NS = 1767225600 * 10**9  # main.c
 S = 10**9
 AGE_S = 3.0
 HELD_S = 5.0
-LOST_DELAYS = 5  # flights.c: of what is lost and repeated, at most
+NEXT_S = 0.002  # a time tag has milliseconds
+LOST_DELAYS = 3  # flights.c: of what is lost and repeated, at most
 AFTER_S = 15.0  # what is behind a fault may still be its consequence
 RAREST_S = 65.0  # the longest pause before a probe, and the probe (docs/limit.md)
 PROBED_S = 5.0  # a device that lived for long before is probed so soon after it was dead for as long again
@@ -39,7 +41,9 @@ JOURNAL_S = 90.0  # what waits in a gateway without a journal, and is lost with 
 BEGINS_ANEW = ("kill", "stop", "hung", "cut", "lost")  # a process, or a connection
 SPONTANEOUS = 3
 END_OF_INITIALIZATION = 70  # M_EI_NA_1
-LINK_UP = 3
+LINK_UP, LINK_DOWN = 3, 4
+ENDS_OF_CONNECTION = ("rtu-iec104", "rtud", "rtu-centre", f"{PORT}")
+ENDS_CONNECTION_S = {"kill": 15.0, "stop": 15.0, "cut": 20.0, "lost": 45.0, "power": 45.0}
 
 
 @dataclass(frozen=True)
@@ -135,14 +139,24 @@ class History:
             told.append(self._of(line, session))
         return told
 
+    @cached_property
+    def steps(self) -> list[Fault]:
+        return [fault for fault in self.faults if fault.kind == "step"]
+
+    def tag_s(self, tag_ns: int, at_s: float) -> float:
+        """In plant time: by the calendar clock of a time before it came, as which it is the latest."""
+        ahead_s = itertools.accumulate([step.by_s for step in self.steps if step.at_s < at_s], initial=0.0)
+        by_each = [round((tag_ns - WALL_NS) / S - ahead, 3) for ahead in ahead_s]
+        return max((tag_s for tag_s in by_each if tag_s < at_s + NEXT_S), default=by_each[-1])
+
     def _of(self, line: dict[str, Any], session: int) -> Told:
-        tag = line["tag"]
+        tag, at_s = line["tag"], seconds(line["at"])
         return Told(
-            at_s=seconds(line["at"]),
+            at_s=at_s,
             point=line["point"],
             value=line["value"],
             good=line["quality"] == 0,
-            tag_s=None if tag is None else (tag - WALL_NS) / S,
+            tag_s=None if tag is None else self.tag_s(tag, at_s),
             cause=line["cause"],
             session=session,
         )
@@ -339,6 +353,34 @@ def silence_is_told(history: History) -> Iterator[Violation]:
                 yield Violation("silence", until_s, f"{point} is not told invalid")
 
 
+def is_no_alarm(history: History, event: Told) -> bool:
+    """Neither its device, nor its line, nor the process that reads it had trouble."""
+    tag_s = event.tag_s or 0.0
+    times = troubled_times(device_of(event.point), history.faults)
+    return not event.good and not overlaps(times, tag_s - AGE_S, tag_s + AGE_S)
+
+
+def nothing_is_bad_without_trouble(history: History) -> Iterator[Violation]:
+    """What a device that can be read holds is good, whatever else fails, and whatever time it is."""
+    for point, events in history.events.items():
+        for event in events:
+            if is_no_alarm(history, event):
+                yield Violation("good", event.at_s, f"{point} is told as {event}")
+
+
+def connections_stay(history: History) -> Iterator[Violation]:
+    """One ends behind trouble of its ends, or of the link."""
+    ended = [
+        (fault.at_s, fault.end_s + ENDS_CONNECTION_S.get(fault.kind, 0.0))
+        for fault in history.faults
+        if fault.of in ENDS_OF_CONNECTION
+    ]
+    for line in history.run.told("consumer"):
+        at_s = seconds(line["at"])
+        if line.get("state") == LINK_DOWN and not overlaps(ended, at_s - NEXT_S, at_s):
+            yield Violation("connection", at_s, "the centre's connection ends")
+
+
 def nobody_crashes(history: History) -> Iterator[Violation]:
     if history.run.code != 0:
         yield Violation("no crash", history.end_s, history.run.said)
@@ -351,6 +393,8 @@ RULES = (
     no_event_is_lost,
     periods_are_kept,
     silence_is_told,
+    nothing_is_bad_without_trouble,
+    connections_stay,
     all_recovers,
 )
 assert SETTLED_S < RECOVERY_S

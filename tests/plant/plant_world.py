@@ -40,11 +40,14 @@ class Fault:
     """What goes wrong, from a time on."""
 
     at_s: float
-    kind: str  # kill, stop, cut, lost, power: the plant's; silent, late: a device's; the others a line's
+    kind: (
+        str  # kill, stop, cut, lost, power, step: the plant's; silent, late: a device's; the others a line's
+    )
     of: str  # a process, a TCP port, a device, a line
     calls: int = 0
     for_s: float = 0.0
     late_s: float = 0.0
+    by_s: float = 0.0
 
     @property
     def end_s(self) -> float:
@@ -60,6 +63,7 @@ class Fault:
             "silent": f"device {self.of} is silent for {self.for_s:.3f} s",
             "late": f"device {self.of} answers {self.late_s:.3f} s later for {self.for_s:.3f} s",
             "unplugged": f"line {self.of} is unplugged for {self.for_s:.3f} s",
+            "step": f"the calendar clock is moved by {self.by_s:.3f} s",
             "hung": f"the sessions of line {self.of} answer nothing any more",
             "closing": f"line {self.of} hangs up behind each answer for {self.for_s:.3f} s",
             "idling": f"line {self.of} hangs up after {self.late_s:.3f} s of silence, for {self.for_s:.3f} s",
@@ -156,7 +160,12 @@ class World:
         addresses = [line * 1000 + unit for line, unit in self.units]
         station = {"name": "rtu", "address": "127.0.0.1", "port": PORT, "common_addresses": addresses}
         period_s = 0 if self.seed % 2 else 20  # 0: what was missed once no later interrogation brings
-        return {"stations": [{**station, "interrogation_s": period_s}], "retry_ms": 500, "retry_max_ms": 2000}
+        return {
+            "stations": [{**station, "interrogation_s": period_s}],
+            "retry_ms": 500,
+            "retry_max_ms": 2000,
+            "t2": 5,
+        }
 
     @property
     def script(self) -> list[str]:
@@ -204,6 +213,8 @@ class World:
                     lines.append(["stop", fault.of, f"{fault.at_s}", f"{fault.calls}", f"{fault.for_s}"])
                 case "cut":
                     lines.append(["cut", fault.of, f"{fault.at_s}", f"{fault.end_s}"])
+                case "step":
+                    lines.append(["step", f"{fault.at_s}", f"{fault.by_s}"])
                 case "lost":
                     lines.append(["lose", fault.of, f"{fault.at_s}"])
                 case "power":

@@ -12,6 +12,7 @@
 #define PLANT_FAULTS    4096
 #define PLANT_LOSSES    256
 #define PLANT_DELAYS    8
+#define PLANT_STEPS     256
 #define PLANT_FLIGHTS   1024
 #define PLANT_NAMES     64
 #define PLANT_DYING     PLANT_PROCESSES
@@ -66,6 +67,13 @@ struct plant_loss {
 	int64_t at_ns;
 };
 
+/* Somebody sets the calendar clock. */
+struct plant_step {
+	int64_t at_ns;
+	int64_t by_ns;
+	bool done;
+};
+
 /* How long what is sent over a TCP port is on its way. */
 struct plant_delay {
 	uint16_t port;
@@ -105,6 +113,8 @@ struct plant {
 	struct plant_fault faults[PLANT_FAULTS];
 	uint32_t loss_count;
 	struct plant_loss losses[PLANT_LOSSES];
+	uint32_t step_count;
+	struct plant_step steps[PLANT_STEPS];
 	uint32_t delay_count;
 	struct plant_delay delays[PLANT_DELAYS];
 	uint32_t flight_count;

@@ -290,6 +290,15 @@ def test_sessions_that_hang_and_that_are_closed(programs: Path, linesim_program:
     assert judge(ran) == []
 
 
+def test_the_calendar_clock_is_set(programs: Path, linesim_program: Path, folder: Path) -> None:
+    """No connection ends, no point is bad; the judge knows each time tag."""
+    faults = (Fault(20.0, "step", "clock", by_s=5000.0), Fault(35.0, "step", "clock", by_s=-9000.5))
+    ran = run_world(World(2, SECONDS, calm(2, SECONDS).changes, faults), folder / "steps")
+    tags = [told["tag"] for told in ran.told("consumer") if told.get("tag")]
+    assert max(tags) - min(tags) > 8000 * 10**9
+    assert judge(ran) == []
+
+
 # ---- the judge sees what is wrong ----------------------------------------------------------------------
 
 Lines = list[dict[str, object]]
@@ -334,6 +343,15 @@ def with_a_later_value_that_is_bad(lines: Lines) -> None:
     lines.insert(places[0], lines[later] | {"quality": 128, "tag": lines[places[0]]["tag"]})
 
 
+def with_an_alarm_of_nothing(lines: Lines) -> None:
+    place = value_events(lines)[3]
+    lines.insert(place, lines[place] | {"quality": 128})
+
+
+def with_a_connection_that_ends(lines: Lines) -> None:
+    lines.append({"at": lines[-1]["at"], "kind": "link", "state": 4})
+
+
 def with_an_end_that_is_bad(lines: Lines) -> None:
     lines.append(lines[value_events(lines)[-1]] | {"quality": 128})
 
@@ -348,6 +366,8 @@ def with_an_end_that_is_bad(lines: Lines) -> None:
         (with_one_good_again_too_early, "order"),
         (with_a_later_value_that_is_bad, "true"),
         (with_an_end_that_is_bad, "recovery"),
+        (with_an_alarm_of_nothing, "good"),
+        (with_a_connection_that_ends, "connection"),
     ],
 )
 def test_the_judge_sees(first: Run, tmp_path: Path, spoil: Callable[[Lines], None], rule: str) -> None:
@@ -584,6 +604,7 @@ def test_a_crash_is_told(programs: Path, tmp_path: Path) -> None:
         ("end\t5\nstart\tx\t0\n", "start: expected a name, a time, two files and a program"),
         ("kill\trtud\t1\n", "expected a number"),
         ("lose\t2404\n", "expected a time in seconds"),
+        ("step\t1\tlate\n", "expected a time in seconds"),
         ("delay\t2404\t2\t1\n", "expected a port, and two times"),
     ],
 )
