@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import itertools
 from bisect import bisect_right
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -36,6 +36,8 @@ RAREST_S = 65.0  # the longest pause before a probe, and the probe (docs/limit.m
 PROBED_S = 5.0  # a device that lived for long before is probed so soon after it was dead for as long again
 INVALID_S = 5.0  # from the last answer of a device until its points are told invalid
 WINDOW_S = 10
+LINES_A_MINUTE = 60  # of a program: worlds with a fault every 8 s have half as many
+MINUTE = len("2026-01-01T00:00")
 ANSWERS_LEAST = 15  # of a device that lives, in each window: two reads a second, and a neighbour's time-outs
 JOURNAL_S = 90.0  # what waits in a gateway without a journal, and is lost with rtud
 BEGINS_ANEW = ("kill", "stop", "hung", "cut", "lost")  # a process, or a connection
@@ -381,6 +383,20 @@ def connections_stay(history: History) -> Iterator[Violation]:
             yield Violation("connection", at_s, "the centre's connection ends")
 
 
+def lines_a_minute(run: Run) -> Iterator[tuple[str, int]]:
+    """Of each program that writes; rtu-centre's lines have no time, and come evenly."""
+    counts = Counter((line[:MINUTE], line.split(" ", 2)[1]) for line in run.log("gateway") if " " in line)
+    yield from ((program, count) for (_, program), count in counts.items())
+    yield "rtu-centre", round(len(run.log("centre")) * 60 / run.world.seconds)
+
+
+def no_log_is_flooded(history: History) -> Iterator[Violation]:
+    """What goes on happening is counted, and does not fill the log."""
+    for program, count in lines_a_minute(history.run):
+        if count > LINES_A_MINUTE:
+            yield Violation("log", history.end_s, f"{program} writes {count} lines in a minute")
+
+
 def nobody_crashes(history: History) -> Iterator[Violation]:
     if history.run.code != 0:
         yield Violation("no crash", history.end_s, history.run.said)
@@ -395,6 +411,7 @@ RULES = (
     silence_is_told,
     nothing_is_bad_without_trouble,
     connections_stay,
+    no_log_is_flooded,
     all_recovers,
 )
 assert SETTLED_S < RECOVERY_S

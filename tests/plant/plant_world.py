@@ -242,6 +242,9 @@ class Run:
         lines = (self.folder / f"{part}.out").read_text().split("\n")
         return [json.loads(line) for line in lines[:-1]]
 
+    def log(self, program: str) -> list[str]:
+        return (self.folder / f"{program}.log").read_text(errors="replace").splitlines()
+
     @property
     def speed(self) -> float:
         return self.world.seconds / self.real_s

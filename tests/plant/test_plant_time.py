@@ -379,8 +379,8 @@ def test_the_judge_sees(first: Run, tmp_path: Path, spoil: Callable[[Lines], Non
 
 def spoiled_copy(ran: Run, tmp_path: Path, part: str, lines: Lines) -> Run:
     """Where one part has said something else."""
-    for other in ("consumer", "field", "watch"):
-        shutil.copy(ran.folder / f"{other}.out", tmp_path)
+    for name in ("consumer.out", "field.out", "watch.out", "gateway.log", "centre.log"):
+        shutil.copy(ran.folder / name, tmp_path)
     (tmp_path / f"{part}.out").write_text("".join(json.dumps(line) + "\n" for line in lines))
     return Run(ran.world, tmp_path, ran.real_s, ran.code, ran.said)
 
@@ -393,6 +393,13 @@ def test_the_judge_sees_a_device_that_is_asked_too_seldom(first: Run, tmp_path: 
     assert {violation.rule for violation in judge(spoiled_copy(first, tmp_path, "watch", lines))} == {
         "period"
     }
+
+
+def test_the_judge_sees_a_log_that_is_flooded(first: Run, tmp_path: Path) -> None:
+    spoiled = spoiled_copy(first, tmp_path, "watch", first.told("watch"))
+    flood = "".join(f"2026-01-01T00:00:{second:02}.000Z rtu-web info: here\n" * 2 for second in range(31))
+    (tmp_path / "gateway.log").write_text(flood)
+    assert [violation.text for violation in judge(spoiled)] == ["rtu-web writes 62 lines in a minute"]
 
 
 def test_the_judge_sees_a_silence_that_nobody_tells(first: Run, tmp_path: Path) -> None:
