@@ -97,6 +97,32 @@ def test_a_session_that_is_idle_is_closed(sim: LineSim, session: socket.socket) 
     assert session.recv(300) == b""
 
 
+def test_a_session_that_is_closed_in_the_place_of_an_answer(sim: LineSim, port: int) -> None:
+    sim.command("session 7 clear")
+    sim.command("session 7 tear 1")
+    write = bytes([0, 9, 0, 0, 0, 6, UNIT, 5, 0, 0, 0, 0])
+    with socket.create_connection(("127.0.0.1", port), PATIENCE_S) as session:
+        sim.set("7.5", "coils", 0, 1)
+        assert ask(session, write) == b""
+    assert sim.get("7.5", "coils", 0) == 0
+
+
+def test_who_wants_to_see_the_writes_sees_no_reads(sim: LineSim, port: int) -> None:
+    sim.command("session 7 clear")
+    with socket.socket(socket.AF_UNIX) as control, control.makefile() as lines:
+        control.settimeout(PATIENCE_S)
+        control.connect(str(sim.directory / "control"))
+        control.sendall(b"trace writes\n")
+        assert lines.readline() == "ok\n"
+        with ModbusTcpClient("127.0.0.1", port=port, timeout=PATIENCE_S, retries=0) as client:
+            client.read_input_registers(0, count=1, device_id=UNIT)
+            client.write_coil(0, True, device_id=UNIT)
+        told = json.loads(lines.readline())
+        assert (told["kind"], told["table"], told["value"]) == ("writing", "coils", 1)
+        control.sendall(b"trace off\n")
+        assert lines.readline() == "ok\n"
+
+
 def test_what_is_no_modbus_ends_the_session(session: socket.socket) -> None:
     assert ask(session, b"GET / HTTP/1.0\r\n\r\n") == b""
 

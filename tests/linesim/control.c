@@ -25,7 +25,7 @@
 
 struct client {
 	struct loop_source source; /* fd -1: free */
-	bool traced;
+	enum trace_wish traced;
 	size_t input_size;
 	size_t output_size;
 	char input[COMMAND_SIZE];
@@ -38,15 +38,16 @@ static struct client clients[CLIENTS_MAX];
 
 /* ---- clients ----------------------------------------------------------------------------- */
 
-static void trace_to_clients(const char *line, size_t size);
+static void trace_to_clients(const char *line, size_t size, bool writes);
 
 static void listen_if_wanted(void)
 {
-	bool wanted = false;
+	enum trace_wish most = TRACE_NOTHING;
 
 	for (int i = 0; i < CLIENTS_MAX; i++)
-		wanted |= clients[i].source.fd >= 0 && clients[i].traced;
-	trace_listen(wanted ? trace_to_clients : NULL);
+		if (clients[i].source.fd >= 0 && clients[i].traced > most)
+			most = clients[i].traced;
+	trace_listen(trace_to_clients, most);
 }
 
 static void put_out(struct client *client)
@@ -85,10 +86,12 @@ static void put(struct client *client, const char *text, size_t size)
 	flush(client);
 }
 
-static void trace_to_clients(const char *line, size_t size)
+static void trace_to_clients(const char *line, size_t size, bool writes)
 {
+	const enum trace_wish least = writes ? TRACE_WRITES : TRACE_ALL;
+
 	for (int i = 0; i < CLIENTS_MAX; i++)
-		if (clients[i].source.fd >= 0 && clients[i].traced)
+		if (clients[i].source.fd >= 0 && clients[i].traced >= least)
 			put(&clients[i], line, size);
 }
 
@@ -332,33 +335,48 @@ static void say(struct client *client, const struct command *command, int count,
 
 static void trace(struct client *client, const struct command *command, int count, char **words)
 {
-	const bool on = strcmp(words[1], "on") == 0;
+	static const char *const wishes[] = {
+	    [TRACE_NOTHING] = "off", [TRACE_WRITES] = "writes", [TRACE_ALL] = "on"};
+	enum trace_wish wish = TRACE_NOTHING;
 
 	(void)count;
-	if (!on && strcmp(words[1], "off") != 0) {
+	while (wish <= TRACE_ALL && strcmp(words[1], wishes[wish]) != 0)
+		wish++;
+	if (wish > TRACE_ALL) {
 		refuse_usage(client, command);
 		return;
 	}
-	client->traced = on;
+	client->traced = wish;
 	listen_if_wanted();
 	answer(client, "ok");
+}
+
+/* Of a mood that has one: 0 is none. */
+static long mood_argument(int count, char **words, const char *mood, long max)
+{
+	long argument = 0;
+
+	if (count != 4 || strcmp(words[2], mood) != 0 || !plant_number(words[3], 1, max, &argument))
+		return 0;
+	return argument;
 }
 
 /* words: session, port, mood, argument. */
 static bool set_mood(struct line *line, int count, char **words)
 {
-	const char *mood = words[2];
-	long idle_ms = 0;
+	const long idle_ms = mood_argument(count, words, "idle", DELAY_MAX_MS);
+	const long tears = mood_argument(count, words, "tear", COUNT_MAX);
+	const bool closes = count == 3 && strcmp(words[2], "close") == 0;
+	const bool clear = count == 3 && strcmp(words[2], "clear") == 0;
 
-	if (count == 4 && (strcmp(mood, "idle") != 0 || !plant_number(words[3], 1, DELAY_MAX_MS, &idle_ms)))
-		return false;
-	if (count == 3 && strcmp(mood, "hang") == 0) {
+	if (count == 3 && strcmp(words[2], "hang") == 0) {
 		tcp_hang(line);
 		return true;
 	}
-	if (count == 3 && strcmp(mood, "close") != 0 && strcmp(mood, "clear") != 0)
+	if (!idle_ms && !tears && !closes && !clear)
 		return false;
-	line->tcp.closes = strcmp(mood, "close") == 0;
+	line->tcp.closes = closes;
+	line->tcp.tears = (uint32_t)tears;
 	line->tcp.idle_ns = idle_ms * INT64_C(1000000);
 	return true;
 }
@@ -457,9 +475,10 @@ static const struct command commands[] = {
     {"jam", 2, 2, set_jammed, "jam PORT"},
     {"unjam", 2, 2, set_jammed, "unjam PORT"},
     {"say", 3, WORDS_MAX, say, "say PORT OCTET... (0 to 255)"},
-    {"session", 3, 4, session, "session PORT hang | close | idle MS (1 to 60000) | clear"},
+    {"session", 3, 4, session,
+     "session PORT hang | close | idle MS (1 to 60000) | tear N (1 to 1000000) | clear"},
     {"stats", 1, 1, report, "stats"},
-    {"trace", 2, 2, trace, "trace on|off"},
+    {"trace", 2, 2, trace, "trace on|writes|off"},
     {"quit", 1, 1, quit, "quit"},
 };
 
@@ -546,7 +565,7 @@ static void listener_ready(void *owner, uint32_t events)
 		if (client->source.fd >= 0)
 			continue;
 		client->source.fd = fd;
-		client->traced = false;
+		client->traced = TRACE_NOTHING;
 		client->input_size = client->output_size = 0;
 		if (loop_add(&client->source, EPOLLIN))
 			put_out(client);

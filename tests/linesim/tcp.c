@@ -160,11 +160,20 @@ static void listener_ready(void *owner, uint32_t events)
 
 /* ---- answers, and what a session does of itself ------------------------------------------- */
 
+static bool is_torn(struct tcp *tcp)
+{
+	return tcp->tears && ++tcp->answers % tcp->tears == 0;
+}
+
 static void send_first(struct tcp_session *session)
 {
 	struct line *line = session->line;
 	const struct tcp_answer *answer = &session->waiting[0];
 
+	if (is_torn(&line->tcp)) {
+		put_out(session);
+		return;
+	}
 	trace_frame(line->port, answer->slave->unit, TRACE_SENT, answer->bytes, answer->size, SLAVE_HEALTHY);
 	if (send(session->source.fd, answer->bytes, answer->size, MSG_NOSIGNAL) == (ssize_t)answer->size) {
 		answer->slave->stats.answers++;

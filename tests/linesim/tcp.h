@@ -40,7 +40,9 @@ struct tcp {
 	bool is_one; /* else the line is serial */
 	struct sockaddr_in address;
 	struct loop_source listener;
-	bool closes;     /* after each answer */
+	bool closes;    /* after each answer */
+	uint32_t tears; /* the session is closed in the place of each answer of that number; 0: of none */
+	uint32_t answers;
 	int64_t idle_ns; /* closes a session that asks nothing for so long; 0: never */
 	struct tcp_session sessions[TCP_SESSIONS_MAX];
 };

@@ -11,15 +11,17 @@
 
 static bool on_stdout;
 static trace_listener *listening;
+static enum trace_wish wished;
 
 void trace_to_stdout(void)
 {
 	on_stdout = true;
 }
 
-void trace_listen(trace_listener *listener)
+void trace_listen(trace_listener *listener, enum trace_wish wish)
 {
 	listening = listener;
+	wished = wish;
 }
 
 static const char *wall_time(char text[32])
@@ -48,7 +50,8 @@ static const char *list(char text[LIST_SIZE], const uint8_t *bytes, size_t size,
 }
 
 /* fields: further members of the JSON object, with a leading comma, or "". */
-static void emit(uint16_t port, uint8_t unit, const char *kind, const char *text, const char *fields)
+static void emit(uint16_t port, uint8_t unit, const char *kind, const char *text, const char *fields,
+		 bool writes)
 {
 	static char line[2 * LIST_SIZE + 512];
 	char when[32];
@@ -58,13 +61,13 @@ static void emit(uint16_t port, uint8_t unit, const char *kind, const char *text
 		printf("%s - INFO: %s\n", when, text);
 		fflush(stdout);
 	}
-	if (listening) {
+	if (wished) {
 		const int size = snprintf(line, sizeof line,
 					  "{\"time\":\"%s\",\"monotonic_ns\":%lld,\"port\":%u,\"unit\":%u,"
 					  "\"kind\":\"%s\",\"text\":\"%s\"%s}\n",
 					  when, (long long)loop_now_ns(), port, unit, kind, text, fields);
 
-		listening(line, (size_t)size);
+		listening(line, (size_t)size, writes);
 	}
 }
 
@@ -82,17 +85,17 @@ void trace_frame(uint16_t port, uint8_t unit, enum trace_kind kind, const uint8_
 	};
 	static char numbers[LIST_SIZE], text[LIST_SIZE + 32], fields[LIST_SIZE + 64];
 
-	if (!on_stdout && !listening)
+	if (!on_stdout && wished < TRACE_ALL)
 		return;
 	snprintf(text, sizeof text, "%s: %s", kinds[kind].words, list(numbers, bytes, size, " "));
 	snprintf(fields, sizeof fields, ",\"bytes\":%s,\"fault\":\"%s\"", list(numbers, bytes, size, ","),
 		 slave_fault_name(fault));
-	emit(port, unit, kinds[kind].name, text, fields);
+	emit(port, unit, kinds[kind].name, text, fields, false);
 }
 
 void trace_access(uint16_t port, const struct slave *slave, const struct slave_access *access)
 {
-	if (!on_stdout && !listening)
+	if (!on_stdout && wished < (access->write ? TRACE_WRITES : TRACE_ALL))
 		return;
 	for (unsigned i = 0; i < access->count; i++) {
 		const unsigned address = access->first + i;
@@ -103,6 +106,6 @@ void trace_access(uint16_t port, const struct slave *slave, const struct slave_a
 			 slave->unit, slave_table_mark(access->table), address, value);
 		snprintf(fields, sizeof fields, ",\"table\":\"%s\",\"address\":%u,\"value\":%u",
 			 slave_table_name(access->table), address, value);
-		emit(port, slave->unit, access->write ? "writing" : "reading", text, fields);
+		emit(port, slave->unit, access->write ? "writing" : "reading", text, fields, access->write);
 	}
 }

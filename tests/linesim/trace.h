@@ -14,12 +14,13 @@
 
 enum trace_kind { TRACE_RECEIVED, TRACE_SENT, TRACE_CRC_ERROR, TRACE_COLLISION };
 
-/* Takes one JSON line, newline included. */
-typedef void trace_listener(const char *line, size_t size);
+enum trace_wish { TRACE_NOTHING, TRACE_WRITES, TRACE_ALL };
+
+/* Takes one JSON line, newline included. writes: it is of a value that was written. */
+typedef void trace_listener(const char *line, size_t size, bool writes);
 
 void trace_to_stdout(void);
-/* NULL: nobody listens. */
-void trace_listen(trace_listener *listener);
+void trace_listen(trace_listener *listener, enum trace_wish wish);
 
 /* A frame on a line. fault: what was done to it on purpose, SLAVE_HEALTHY: nothing. */
 void trace_frame(uint16_t port, uint8_t unit, enum trace_kind kind, const uint8_t *bytes, size_t size,

@@ -17,11 +17,12 @@ from plant_world import (
     CHANGES_FROM_S,
     MODBUS_PORT,
     NETWORKED,
-    POINTS,
+    ORDERED,
     PORT,
     SETTLED_S,
     Change,
     Fault,
+    Order,
     Run,
 )
 
@@ -41,7 +42,10 @@ MINUTE = len("2026-01-01T00:00")
 ANSWERS_LEAST = 15  # of a device that lives, in each window: two reads a second, and a neighbour's time-outs
 JOURNAL_S = 90.0  # what waits in a gateway without a journal, and is lost with rtud
 BEGINS_ANEW = ("kill", "stop", "hung", "cut", "lost")  # a process, or a connection
-SPONTANEOUS = 3
+EVENTS = (3, 11)  # spontaneous, and what a command has changed
+EXECUTED, REFUSED = 9, 8
+NOT_SENT = (6, 7, 64, 65, 66)  # docs/centre.md
+ORDER_S = 5.0  # a command takes that long where nothing fails, besides its ways
 END_OF_INITIALIZATION = 70  # M_EI_NA_1
 LINK_UP, LINK_DOWN = 3, 4
 ENDS_OF_CONNECTION = ("rtu-iec104", "rtud", "rtu-centre", f"{PORT}")
@@ -58,6 +62,21 @@ class Violation:
 
     def __str__(self) -> str:
         return f"{self.at_s:.3f} s: {self.rule}: {self.text}"
+
+
+@dataclass(frozen=True)
+class Write:
+    """A register that was written by a master."""
+
+    at_s: float
+    device: str
+    address: int
+    value: int
+
+    @property
+    def point(self) -> str:
+        line, unit = self.device.split(".")
+        return f"{int(line) * 1000 + int(unit)}.{ORDERED + self.address}"
 
 
 @dataclass(frozen=True)
@@ -101,13 +120,35 @@ class History:
         held: dict[str, list[tuple[float, int]]] = {
             f"{line * 1000 + unit}.{ioa}": [(float("-inf"), 0)]
             for line, unit in self.run.world.units
-            for ioa in (10001, *range(30001, 30001 + POINTS))
+            for ioa in self.run.world.addresses
         }
+        for write in self.writes:
+            held[write.point].append((write.at_s, write.value))
         for line in self.run.told("field"):
             if line["command"].startswith("set "):
                 change = change_of(seconds(line["at"]), line["command"])
                 held[change.point].append((change.at_s, change.value))
         return held
+
+    @cached_property
+    def writes(self) -> list[Write]:
+        if not self.run.world.orders:
+            return []
+        return [
+            Write(seconds(line["at"]), f"{line['port']}.{line['unit']}", line["address"], line["value"])
+            for line in self.run.told("writes")
+        ]
+
+    @cached_property
+    def ordered(self) -> dict[int, list[tuple[float, int, int]]]:
+        """Of each command that was sent, when it came into which state, with which result."""
+        ordered: dict[int, list[tuple[float, int, int]]] = {}
+        for line in self.run.told("consumer"):
+            if line["kind"] == "order":
+                ordered[line["order"]] = []
+            elif line["kind"] == "progress" and line["order"] in ordered:
+                ordered[line["order"]].append((seconds(line["at"]), line["state"], line["result"]))
+        return ordered
 
     def dead_times(self, device: str) -> list[tuple[float, float]]:
         """When its points are told as not good."""
@@ -168,7 +209,7 @@ class History:
         """With a time tag, of each point, in the order in which they came."""
         events = defaultdict(list)
         for told in self.told:
-            if told.tag_s is not None and told.cause == SPONTANEOUS:
+            if told.tag_s is not None and told.cause in EVENTS:
                 events[told.point].append(told)
         return events
 
@@ -238,7 +279,7 @@ def events_are_in_order(history: History) -> Iterator[Violation]:
 def is_trouble_of(device: str, fault: Fault) -> bool:
     """It may keep the device from being read. What comes late falls into what others say on the line."""
     line = device.split(".")[0]
-    if fault.kind in ("closing", "idling"):
+    if fault.kind in ("closing", "tearing", "idling"):
         return False
     if fault.kind in ("cut", "lost", "power"):
         return (line, fault.of) == (f"{NETWORKED}", f"{MODBUS_PORT}")
@@ -390,6 +431,53 @@ def lines_a_minute(run: Run) -> Iterator[tuple[str, int]]:
     yield "rtu-centre", round(len(run.log("centre")) * 60 / run.world.seconds)
 
 
+def commands_are_executed_once(history: History) -> Iterator[Violation]:
+    """At most once, whatever becomes of connections and programs: each has a value of its own."""
+    seen: set[int] = set()
+    for write in history.writes:
+        if write.value in seen:
+            yield Violation("command once", write.at_s, f"{write.value} is written again into {write.device}")
+        seen.add(write.value)
+
+
+def is_answered_truly(order: Order, told: list[tuple[float, int, int]], writes: list[Write]) -> bool:
+    """Executed is what the device has done before; what was not sent it never does."""
+    for at_s, state, result in told:
+        written = any(write.at_s <= at_s and write.device == order.device for write in writes)
+        if (state == EXECUTED and not written) or (result in NOT_SENT and writes):
+            return False
+    return True
+
+
+def is_done_or_not_sent(states: list[tuple[int, int]]) -> bool:
+    return bool(states) and (states[-1][0] == EXECUTED or states[-1][1] in NOT_SENT)
+
+
+def has_to_be_done(history: History, order: Order) -> bool:
+    """Neither the device nor the way to it has trouble, nor had it shortly before."""
+    until_s = order.at_s + ORDER_S + 4 * history.way_s
+    point = f"{order.line * 1000 + order.unit}.{ORDERED}"
+    tearing = [(fault.at_s, fault.end_s) for fault in history.faults if fault.kind in ("tearing", "step")]
+    return not is_disturbed(point, list(history.faults), order.at_s, until_s) and not overlaps(
+        tearing, order.at_s - AGE_S, until_s
+    )
+
+
+def commands_are_answered_truly(history: History) -> Iterator[Violation]:
+    """Executed is told of what the device has done, and of all that nothing kept from it."""
+    for order in history.run.world.orders:
+        told = history.ordered.get(order.value)
+        if told is None:
+            continue
+        writes = [write for write in history.writes if write.value == order.value]
+        states = [(state, result) for _, state, result in told]
+        what = f"{order.value} to {order.device}: {states}, {len(writes)} writes"
+        if not is_answered_truly(order, told, writes):
+            yield Violation("command true", order.at_s, what)
+        elif not is_done_or_not_sent(states) and has_to_be_done(history, order):
+            yield Violation("command done", order.at_s, what)
+
+
 def no_log_is_flooded(history: History) -> Iterator[Violation]:
     """What goes on happening is counted, and does not fill the log."""
     for program, count in lines_a_minute(history.run):
@@ -412,6 +500,8 @@ RULES = (
     nothing_is_bad_without_trouble,
     connections_stay,
     no_log_is_flooded,
+    commands_are_executed_once,
+    commands_are_answered_truly,
     all_recovers,
 )
 assert SETTLED_S < RECOVERY_S

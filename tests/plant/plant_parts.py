@@ -7,6 +7,7 @@ They run in the plant, under its clock, and import nothing but the standard libr
 import contextlib
 import json
 import os
+import select
 import socket
 import struct
 import sys
@@ -16,8 +17,11 @@ from pathlib import Path
 HEADER = struct.Struct("<4sHHQ")  # docs/centre.md
 RECORD_SIZE = 48
 INFORMATION = struct.Struct("<BBHIIIqqBBBB4s8s")
-KIND_LINK, KIND_INFORMATION = 2, 3
+KIND_LINK, KIND_INFORMATION, KIND_PROGRESS = 2, 3, 5
 TAGGED, LAST_OCTET = 4, 36
+PROGRESS = struct.Struct("<36xBB2xQ")
+COMMAND = struct.Struct("<BBHIQIiBBb5x")
+ASK_COMMAND, SCALED, ORDERED = 2, 5, 40001
 ACKNOWLEDGE = struct.Struct("<BBHIQ16x")
 PACKET_MAX = 65536
 PAUSE_S = 0.1
@@ -46,6 +50,9 @@ def connected(kind: socket.SocketKind, path: Path) -> socket.socket:
 def tell_record(record: bytes) -> None:
     if record[0] == KIND_LINK:
         say(kind="link", state=record[LAST_OCTET])
+    if record[0] == KIND_PROGRESS:
+        state, result, order = PROGRESS.unpack(record)
+        say(kind="progress", order=order, state=state, result=result)
     if record[0] != KIND_INFORMATION:
         return
     fields = INFORMATION.unpack(record)
@@ -62,20 +69,65 @@ def tell_record(record: bytes) -> None:
     )
 
 
-def take_packets(centre: socket.socket) -> None:
-    while packet := centre.recv(PACKET_MAX):
-        _, _, count, sequence = HEADER.unpack_from(packet)
-        for place in range(HEADER.size, HEADER.size + count * RECORD_SIZE, RECORD_SIZE):
-            tell_record(packet[place : place + RECORD_SIZE])
-        centre.send(ACKNOWLEDGE.pack(1, 0, 0, 0, sequence))
+class Orders:
+    """What the control room commands, each at its time or never: lines of nanoseconds, address and value."""
+
+    def __init__(self, path: Path) -> None:
+        lines = path.read_text().splitlines() if path.exists() else []
+        self.waiting = [tuple(map(int, line.split())) for line in lines]
+
+    @property
+    def wait_s(self) -> float | None:
+        if not self.waiting:
+            return None
+        return max(0, self.waiting[0][0] - time.clock_gettime_ns(time.CLOCK_MONOTONIC)) / 1e9
+
+    def give_due(self, centre: socket.socket) -> None:
+        while self.wait_s == 0:
+            _, ca, value = self.waiting.pop(0)
+            say(kind="order", order=value)
+            centre.send(COMMAND.pack(ASK_COMMAND, SCALED, ca, 0, value, ORDERED, value, 0, 0, 0))
+
+    def miss_due(self) -> None:
+        while self.wait_s == 0:
+            self.waiting.pop(0)
 
 
-def consume(path: Path) -> None:
+def take_packet(centre: socket.socket) -> bool:
+    packet = centre.recv(PACKET_MAX)
+    if not packet:
+        return False
+    _, _, count, sequence = HEADER.unpack_from(packet)
+    for place in range(HEADER.size, HEADER.size + count * RECORD_SIZE, RECORD_SIZE):
+        tell_record(packet[place : place + RECORD_SIZE])
+    centre.send(ACKNOWLEDGE.pack(1, 0, 0, 0, sequence))
+    return True
+
+
+def serve(centre: socket.socket, orders: Orders) -> None:
+    while True:
+        readable, _, _ = select.select([centre], [], [], orders.wait_s)
+        if readable and not take_packet(centre):
+            return
+        orders.give_due(centre)
+
+
+def consume(path: Path, orders: Orders) -> None:
     """Takes and acknowledges what rtu-centre says, as often as there is one."""
     while True:
         with connected(socket.SOCK_SEQPACKET, path) as centre, contextlib.suppress(ConnectionError):
-            take_packets(centre)
+            orders.miss_due()
+            serve(centre, orders)
         say(kind="centre is gone")
+
+
+def writes(path: Path) -> None:
+    """What masters write into the devices."""
+    with connected(socket.SOCK_STREAM, path) as devices, devices.makefile() as lines:
+        devices.sendall(b"trace writes\n")
+        for line in lines:
+            if line.startswith("{"):
+                say(**json.loads(line))
 
 
 def change(path: Path, script: Path) -> None:
@@ -118,8 +170,10 @@ def keep(program: str, *arguments: str) -> None:
 
 if __name__ == "__main__":
     match sys.argv[1:]:
-        case ["consume", path]:
-            consume(Path(path))
+        case ["consume", path, orders]:
+            consume(Path(path), Orders(Path(orders)))
+        case ["writes", path]:
+            writes(Path(path))
         case ["change", path, script]:
             change(Path(path), Path(script))
         case ["watch", path]:

@@ -19,6 +19,7 @@ from plant_world import (
     Change,
     Fault,
     Link,
+    Order,
     World,
 )
 
@@ -35,6 +36,8 @@ STALLS_MAX = 20
 STALL_LONGEST_S = 3.0
 STALL_CALLS_MAX = 20
 LONGEST_S = {"stop": 20.0, "silent": 20.0, "cut": 40.0}
+SESSION_FAULTS = ("hung", "closing", "tearing", "idling", "cut", "lost", "late", "silent", "unplugged")
+CONNECTED_S = 20.0  # by then a connection over GPRS is made: what was before is no event
 SESSION_LONGEST_S = 30.0
 LEAST_STEP_S = 1000.0
 FAR_LINES = (1, NETWORKED)
@@ -70,9 +73,9 @@ class Field:
         while (at_s := at_s + self.random.expovariate(1 / mean_s)) < to_s:
             yield round(at_s, 3)
 
-    def changes(self, mean_s: float) -> tuple[Change, ...]:
+    def changes(self, mean_s: float, from_s: float = CHANGES_FROM_S) -> tuple[Change, ...]:
         end_s = self.seconds - SETTLED_S
-        return tuple(self.change(at_s) for at_s in self.times(CHANGES_FROM_S, end_s, mean_s))
+        return tuple(self.change(at_s) for at_s in self.times(from_s, end_s, mean_s))
 
     def fault(self, at_s: float) -> Fault:
         kind = self.random.choice(("kill", "stop", "silent", "cut"))
@@ -88,9 +91,17 @@ class Field:
             case _:
                 return Fault(at_s, kind, self.random.choice(MODULES), calls, for_s)
 
+    def order(self, at_s: float, value: int) -> Order:
+        line, unit = map(int, self.device().split("."))
+        return Order(at_s, line, unit, value)
+
+    def orders(self, mean_s: float) -> tuple[Order, ...]:
+        times = self.times(CHANGES_FROM_S, self.seconds - SETTLED_S, mean_s)
+        return tuple(self.order(at_s, value) for value, at_s in enumerate(times, 1))
+
     def session_fault(self, at_s: float) -> Fault:
         """Of what is behind Modbus TCP."""
-        kind = self.random.choice(("hung", "closing", "idling", "cut", "lost", "late", "silent", "unplugged"))
+        kind = self.random.choice(SESSION_FAULTS)
         for_s = round(SESSION_LONGEST_S * self.random.random() ** 2, 3)
         part = self.random.random()
         match kind:
@@ -104,6 +115,8 @@ class Field:
                 return Fault(at_s, kind, self.device(), for_s=for_s, late_s=round(LATEST_S * part**2, 3))
             case "silent":
                 return Fault(at_s, kind, self.device(), for_s=for_s)
+            case "tearing":
+                return Fault(at_s, kind, f"{NETWORKED}", self.random.choice((5, 7)), for_s)
             case "idling":
                 return Fault(at_s, kind, f"{NETWORKED}", for_s=for_s, late_s=round(0.05 + part, 3))
             case _:
@@ -181,12 +194,13 @@ def restless(seed: int, seconds: float, fault_every_s: float = 8.0) -> World:
 
 
 def far(seed: int, seconds: float, fault_every_s: float = 8.0) -> World:
-    """Devices behind Modbus TCP hang up, hang, and cannot be reached; all else fails as well."""
+    """Devices behind Modbus TCP hang up, hang, and cannot be reached, and are commanded."""
     of_seed = Field(random.Random(seed), seconds, FAR_LINES)
-    changes = of_seed.changes(mean_s=1.0)
+    changes = of_seed.changes(mean_s=1.0, from_s=CONNECTED_S)
     faults = of_seed.made_by(of_seed.far_fault, fault_every_s)
     links = (of_seed.random.choice((GPRS, RADIO)), CABLE)
-    return World(seed, seconds, changes, faults, lines=FAR_LINES, links=links)
+    orders = of_seed.orders(mean_s=3.0)
+    return World(seed, seconds, changes, faults, lines=FAR_LINES, links=links, orders=orders)
 
 
 def world_of(seed: int, seconds: float, fault_every_s: float = 30.0) -> World:

@@ -26,6 +26,7 @@ NETWORKED = 7  # the line whose devices are behind Modbus TCP
 DEVICES = 3  # of a line
 BAUD, SLOW_BAUD = 9600, 2400  # slow: a scan is a dozen requests a second, and not five times as many
 PERIOD_MS = 1000
+ORDERED = 40001
 POINTS = 2  # of a device, beside its bit
 CHANGES_FROM_S = 5.0
 SETTLED_S = 10.0  # without a change, before the end
@@ -65,6 +66,7 @@ class Fault:
             "unplugged": f"line {self.of} is unplugged for {self.for_s:.3f} s",
             "step": f"the calendar clock is moved by {self.by_s:.3f} s",
             "hung": f"the sessions of line {self.of} answer nothing any more",
+            "tearing": f"line {self.of} hangs up in the place of answer {self.calls}, for {self.for_s:.3f} s",
             "closing": f"line {self.of} hangs up behind each answer for {self.for_s:.3f} s",
             "idling": f"line {self.of} hangs up after {self.late_s:.3f} s of silence, for {self.for_s:.3f} s",
         }
@@ -100,11 +102,27 @@ def field_commands(fault: Fault) -> tuple[str, str]:
             return f"unplug {fault.of}", f"plug {fault.of}"
         case "hung":
             return f"session {fault.of} hang", ""
+        case "tearing":
+            return f"session {fault.of} tear {fault.calls}", f"session {fault.of} clear"
         case "closing":
             return f"session {fault.of} close", f"session {fault.of} clear"
         case "idling":
             return f"session {fault.of} idle {round(fault.late_s * 1000)}", f"session {fault.of} clear"
     return "", ""
+
+
+@dataclass(frozen=True)
+class Order:
+    """The control room commands a register; no value comes twice."""
+
+    at_s: float
+    line: int
+    unit: int
+    value: int
+
+    @property
+    def device(self) -> str:
+        return f"{self.line}.{self.unit}"
 
 
 @dataclass(frozen=True)
@@ -127,6 +145,7 @@ class World:
     scanned: tuple[int, ...] = ()  # lines whose devices are read as often as the line allows
     lines: tuple[int, ...] = SERIAL
     links: tuple[Link, ...] = ()  # those with delay
+    orders: tuple[Order, ...] = ()
 
     @property
     def units(self) -> list[tuple[int, int]]:
@@ -138,10 +157,16 @@ class World:
     def slaves(self, line: int) -> list[dict[str, Any]]:
         registers = [{"address": place} for place in range(POINTS)]
         period = {} if line in self.scanned else {"period_ms": PERIOD_MS}
-        return [
-            {"id": unit, **period, "discrete_inputs": [{"address": 0}], "input_registers": registers}
-            for unit in range(1, DEVICES + 1)
-        ]
+        objects: dict[str, Any] = {"discrete_inputs": [{"address": 0}], "input_registers": registers}
+        if self.orders:
+            objects["holding_registers"] = [{"address": 0}]
+        return [{"id": unit, **period, **objects} for unit in range(1, DEVICES + 1)]
+
+    @property
+    def addresses(self) -> list[int]:
+        """Of each device's information objects."""
+        read = [10001, *range(30001, 30001 + POINTS)]
+        return [*read, ORDERED] if self.orders else read
 
     def line(self, number: int) -> dict[str, Any]:
         if number == NETWORKED:
@@ -182,6 +207,14 @@ class World:
             f"{BEGIN_NS + round(at_s * 1e9)} {command}" for at_s, command in sorted(told, key=itemgetter(0))
         ]
 
+    @property
+    def ordered(self) -> list[str]:
+        """For the consumer."""
+        return [
+            f"{BEGIN_NS + round(order.at_s * 1e9)} {order.line * 1000 + order.unit} {order.value}"
+            for order in self.orders
+        ]
+
     def plan(self, folder: Path, gateway: Path) -> list[str]:
         """What the runner reads."""
         python = [str(Path(sys.executable).resolve()), "-I", "-S", "-B", str(PARTS)]
@@ -196,10 +229,12 @@ class World:
                 [*python, "keep", *rtud, "--modules", f"{gateway}/modules", f"{folder}/gateway.json"],
             ),
             "centre": (1.0, [*python, "keep", *centre]),
-            "consumer": (1.5, [*python, "consume", f"{consumer}"]),
+            "consumer": (1.5, [*python, "consume", f"{consumer}", f"{folder}/orders"]),
             "watch": (1.5, [*python, "watch", f"{dev}/control"]),
             "field": (1.5, [*python, "change", f"{dev}/control", f"{folder}/script"]),
         }
+        if self.orders:
+            programs["writes"] = (1.5, [*python, "writes", f"{dev}/control"])
         lines = [["end", f"{self.seconds}"]]
         for name, (at_s, words) in programs.items():
             lines.append(["start", name, f"{at_s}", f"{folder}/{name}.out", f"{folder}/{name}.log", *words])
@@ -255,6 +290,7 @@ def run(world: World, folder: Path, *, traced: bool = True, gateway: Path = GATE
     (folder / "dev").mkdir(parents=True)
     (folder / "gateway.json").write_text(json.dumps(world.gateway))
     (folder / "centre.json").write_text(json.dumps(world.centre))
+    (folder / "orders").write_text("".join(f"{order}\n" for order in world.ordered))
     (folder / "script").write_text("\n".join(world.script) + "\n")
     (folder / "world").write_text("\n".join(world.plan(folder, gateway)) + "\n")
     command = [BUILD / "plant", "--seed", str(world.seed), "--trace"]

@@ -377,10 +377,51 @@ def test_the_judge_sees(first: Run, tmp_path: Path, spoil: Callable[[Lines], Non
     assert rule in {violation.rule for violation in judge(spoiled)}
 
 
+@pytest.fixture(scope="module")
+def commanded(programs: Path, linesim_program: Path, folder: Path) -> Run:
+    world = replace(far(5, SECONDS), faults=())
+    return run_world(world, folder / "commanded")
+
+
+def with_a_write_twice(lines: Lines) -> None:
+    lines.append(lines[-1] | {"at": lines[-1]["at"]})
+
+
+def without_a_write(lines: Lines) -> None:
+    del lines[3]
+
+
+def without_an_end(lines: Lines) -> None:
+    """Of the third command."""
+    lines[:] = [line for line in lines if line["kind"] != "progress" or line["order"] != 3]
+
+
+def test_commands_are_executed_and_answered(commanded: Run) -> None:
+    ends = [line for line in commanded.told("consumer") if line.get("state") == 9 and line["order"] > 0]
+    assert len(ends) > 5
+    assert judge(commanded) == []
+
+
+@pytest.mark.parametrize(
+    ("part", "spoil", "rule"),
+    [
+        ("writes", with_a_write_twice, "command once"),
+        ("writes", without_a_write, "command true"),
+        ("consumer", without_an_end, "command done"),
+    ],
+)
+def test_the_judge_sees_of_commands(
+    commanded: Run, tmp_path: Path, part: str, spoil: Callable[[Lines], None], rule: str
+) -> None:
+    lines = commanded.told(part)
+    spoil(lines)
+    assert rule in {violation.rule for violation in judge(spoiled_copy(commanded, tmp_path, part, lines))}
+
+
 def spoiled_copy(ran: Run, tmp_path: Path, part: str, lines: Lines) -> Run:
     """Where one part has said something else."""
-    for name in ("consumer.out", "field.out", "watch.out", "gateway.log", "centre.log"):
-        shutil.copy(ran.folder / name, tmp_path)
+    for path in (*ran.folder.glob("*.out"), *ran.folder.glob("*.log")):
+        shutil.copy(path, tmp_path)
     (tmp_path / f"{part}.out").write_text("".join(json.dumps(line) + "\n" for line in lines))
     return Run(ran.world, tmp_path, ran.real_s, ran.code, ran.said)
 
