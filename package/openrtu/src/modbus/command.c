@@ -117,23 +117,31 @@ static void put_back(struct modbus_line *line)
 	line->command_count++;
 }
 
-bool modbus_turn_command(struct modbus_line *line, int64_t now_ns)
+bool modbus_turn(struct modbus_line *line, bool *turned, int64_t now_ns)
 {
 	struct modbus_device *device = &line->devices[line->device];
 	uint8_t unknown = line->request.function, other = other_function(&line->request);
 
-	if (other == 0 || line->command_count == line->command_capacity)
+	if (other == 0)
 		return false;
 	/* It knows neither. */
-	if (line->command.turned) {
+	if (*turned) {
 		*learned_function(device, unknown) = 0;
 		return false;
 	}
 	*learned_function(device, unknown) = other;
-	line->command.turned = true;
-	put_back(line);
+	*turned = true;
 	if (line->events->turned != NULL)
 		line->events->turned(line->context, line->device, unknown, other, now_ns);
+	return true;
+}
+
+bool modbus_turn_command(struct modbus_line *line, int64_t now_ns)
+{
+	if (line->command_count == line->command_capacity ||
+	    !modbus_turn(line, &line->command.turned, now_ns))
+		return false;
+	put_back(line);
 	return true;
 }
 

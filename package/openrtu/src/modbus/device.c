@@ -283,6 +283,17 @@ static void read_all_at_once(struct modbus_device *device)
 		device->reads[read].due_ns = 0;
 }
 
+static void write_all_at_once(struct modbus_device *device)
+{
+	for (uint32_t i = 0; i < device->kept_count; i++) {
+		struct modbus_kept *kept = &device->kept[i];
+
+		kept->due_ns = kept->backoff_ns = 0;
+		kept->failures = kept->next = 0;
+		kept->turned = false;
+	}
+}
+
 void modbus_device_answered(struct modbus_line *line, uint32_t index, int64_t now_ns)
 {
 	struct modbus_device *device = &line->devices[index];
@@ -302,6 +313,7 @@ void modbus_device_answered(struct modbus_line *line, uint32_t index, int64_t no
 	if (was_gone)
 		modbus_replan(line, device);
 	read_all_at_once(device);
+	write_all_at_once(device);
 	device->cursor = 0;
 	line->events->alive(line->context, index, true, now_ns);
 }

@@ -23,6 +23,8 @@ static struct modbus_device devices[DEVICES];
 static struct modbus_object objects[DEVICES][OBJECTS];
 static struct modbus_read reads[DEVICES][OBJECTS];
 static struct modbus_command commands[COMMANDS_MAX];
+static struct modbus_kept kept[DEVICES][2];
+static struct modbus_request constants[DEVICES];
 static int64_t now;
 static uint32_t ordered, ended, written, turned; /* commands; frames of writes; of those, once more */
 static bool done[TAGS];
@@ -98,6 +100,12 @@ static void on_turned(void *context, uint32_t device, uint8_t unknown, uint8_t f
 	turned++;
 }
 
+static void on_kept(void *context, uint32_t device, const struct modbus_kept *news, int64_t now_ns)
+{
+	(void)context, (void)now_ns;
+	CHECK(device < DEVICES && news >= kept[device] && news < kept[device] + 2);
+}
+
 static void on_pause(void *context, uint32_t device, int64_t pause_ns, int64_t now_ns)
 {
 	(void)context, (void)now_ns;
@@ -111,6 +119,7 @@ static const struct modbus_events events = {.read = on_read,
 					    .late = on_late,
 					    .pause = on_pause,
 					    .turned = on_turned,
+					    .kept = on_kept,
 					    .stranger = on_stranger};
 
 /* ---- what happens ------------------------------------------------------------------------------ */
@@ -150,6 +159,17 @@ static bool is_whole(const struct modbus_output *output)
 	return modbus_crc_valid(output->frame, output->length);
 }
 
+/* That in request: nothing is written to who is dead but by a command. */
+static void count_write(void)
+{
+	if (modbus_is_read(request[1]))
+		return;
+	if (line.purpose == MODBUS_KEEP)
+		CHECK(devices[line.device].alive);
+	else
+		CHECK(++written <= ordered + turned);
+}
+
 static void take_output(const struct modbus_output *output)
 {
 	if (output->length == 0)
@@ -161,15 +181,13 @@ static void take_output(const struct modbus_output *output)
 		read_text(output, &ascii);
 		memcpy(request, ascii.body, ascii.length);
 		request_length = ascii.length + MODBUS_CRC_LENGTH;
-		if (!modbus_is_read(request[1]))
-			CHECK(++written <= ordered + turned);
+		count_write();
 		return;
 	}
 	request_length = output->length - prefix_length();
 	memcpy(request, output->frame + prefix_length(), request_length);
 	memcpy(transaction, output->frame, sizeof(transaction));
-	if (!modbus_is_read(request[1]))
-		CHECK(++written <= ordered + turned);
+	count_write();
 }
 
 /* A connection that is given up is there again at once. */
@@ -406,6 +424,14 @@ static void begin(struct modbus_wire wire)
 						    .response_timeout_min_ns = 5 * MS,
 						    .objects = objects[d],
 						    .reads = reads[d]};
+		if (d > 0) {
+			constants[d] = (struct modbus_request){(uint8_t)d, MODBUS_WRITE_REGISTER, 77, 1, {1}};
+			devices[d].kept = kept[d];
+			devices[d].kept_count = 2;
+			kept[d][0] = (struct modbus_kept){
+			    .constants = &constants[d], .constant_count = 1, .period_ns = 300 * MS};
+			kept[d][1] = (struct modbus_kept){.tag = d, .period_ns = d % 2 * 500 * MS};
+		}
 		for (uint16_t i = 0; d > 0 && i < OBJECTS; i++)
 			objects[d][devices[d].object_count++] = (struct modbus_object){
 			    i, (uint16_t)(i * i), functions[i % 4] & 15u, (1 + i % 2) & 15u, i % 3 * 50u};

@@ -113,6 +113,7 @@ void modbus_line_open(struct modbus_line *line, int64_t now_ns)
 	line->turn = line->probe_turn = 0;
 	line->probed_in_vain = line->scan_begun = line->scan_held = false;
 	line->commands_in_row = line->due_in_row = 0;
+	line->kept_last = false;
 	modbus_end(line, now_ns + line->framer->rest_ns, now_ns);
 	if (line->wire.connection)
 		modbus_connection_made(line, now_ns);

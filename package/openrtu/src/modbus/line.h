@@ -40,10 +40,16 @@
  * silences, no noise and no echo. What a gateway on the way says of a device that it cannot reach (exceptions 10 and 11)
  * is this device's silence.
  *
+ * What the line writes by itself (kept.c). A device may have writes that it is to hold: each goes out when the device is
+ * back, in their order, and again at the multiples of its period. It is a constant, several in turn, or what the latest command wrote. Nothing
+ * is written to a device that is silent, and none of it counts as a command or for the device's life: what the device
+ * refuses is told once, and what it does not answer costs the line no more than a dead device does.
+ *
  * Whose turn it is. Commands go first, then what was written is read back, unless that is not wanted; after
  * MODBUS_COMMANDS_IN_ROW of them polling goes on by one request. Polling is, first, the reads that are due
  * (period.h), by deadline; after MODBUS_DUE_IN_ROW of them the scan, which is all reads without a period, goes
- * on by one request, so that a line that is asked for too much still reads everything. Living devices are
+ * on by one request, so that a line that is asked for too much still reads everything. What the line writes by itself goes
+ * ahead of polling, one for each of its requests at most. Living devices are
  * scanned in turn; after a probe that no dead one answered, they are scanned once before the next. So the age
  * of their values grows by one time-out, not with the number of the dead.
  */
@@ -103,8 +109,9 @@ struct modbus_device_counters {
 	uint32_t requests, answers, exceptions, timeouts;
 	uint32_t errors; /* CRC, wrong answers */
 	uint32_t latency_us;
-	uint32_t missed_periods; /* in which a read with a period was not sent */
-	uint32_t too_late;       /* answers behind response_timeout_ns */
+	uint32_t missed_periods;    /* in which a read with a period was not sent */
+	uint32_t too_late;          /* answers behind response_timeout_ns */
+	uint32_t kept, kept_failed; /* writes of the line's own, that were confirmed; that were not */
 };
 
 struct modbus_line_counters {
@@ -122,6 +129,27 @@ struct modbus_line_counters {
 	struct modbus_histogram transactions; /* from the request to the end of its answer */
 };
 
+/* What a device is to hold. */
+struct modbus_kept {
+	/* Filled in by the caller, who owns the memory. */
+	uint32_t tag; /* that of the commands to the same place */
+	/* What is written in turn; NULL: what the latest of these wrote. */
+	struct modbus_request *constants;
+	uint32_t constant_count;
+	int64_t period_ns; /* 0: it is written when the device is back alone */
+
+	/* For the caller to look at: how the latest one ended. */
+	enum modbus_result result;
+	uint8_t exception;
+
+	/* The line's own. */
+	struct modbus_request request; /* that was commanded; function 0: nothing yet */
+	uint32_t next;                 /* of the constants */
+	bool turned;
+	uint32_t failures; /* unanswered in a row */
+	int64_t backoff_ns, due_ns;
+};
+
 struct modbus_device {
 	/* Filled in by the caller, who owns the memory. */
 	uint8_t unit;    /* MODBUS_BROADCAST on a serial line: written, never read */
@@ -137,6 +165,8 @@ struct modbus_device {
 	struct modbus_object *objects; /* sorted by modbus_line_init */
 	uint32_t object_count;
 	struct modbus_read *reads; /* room for object_count of them */
+	struct modbus_kept *kept;  /* in the order in which they are written; NULL: none */
+	uint32_t kept_count;
 
 	/* For the caller to look at. */
 	struct modbus_device_counters counters;
@@ -200,6 +230,8 @@ struct modbus_events {
 	void (*pause)(void *context, uint32_t device, int64_t pause_ns, int64_t now_ns);
 	/* The device does not know a function that writes, and is written with the other one from now on. */
 	void (*turned)(void *context, uint32_t device, uint8_t unknown, uint8_t function, int64_t now_ns);
+	/* What the line writes by itself ends otherwise than the last time. */
+	void (*kept)(void *context, uint32_t device, const struct modbus_kept *kept, int64_t now_ns);
 	/* What was asked of the device, another unit answers. */
 	void (*stranger)(void *context, uint32_t device, uint8_t unit, int64_t now_ns);
 };
@@ -211,7 +243,7 @@ enum modbus_line_state {
 	MODBUS_TURNAROUND, /* after a broadcast */
 };
 
-enum modbus_purpose { MODBUS_SCAN, MODBUS_PROBE, MODBUS_COMMAND };
+enum modbus_purpose { MODBUS_SCAN, MODBUS_PROBE, MODBUS_COMMAND, MODBUS_KEEP };
 
 struct modbus_line {
 	/* Filled in by the caller, who owns the memory. */
@@ -232,6 +264,7 @@ struct modbus_line {
 	uint32_t command_count;
 	uint32_t commands_in_row; /* since the last poll */
 	uint32_t due_in_row;      /* since the last read of the scan */
+	bool kept_last;           /* since the last poll, something of its own was written */
 	uint32_t living;          /* devices */
 	uint32_t turn;            /* the device being scanned */
 	uint32_t probe_turn;      /* the device to be probed next, if it is dead and due */
@@ -252,7 +285,7 @@ struct modbus_line {
 	struct modbus_request request;
 	struct modbus_command command;
 	uint32_t device;
-	uint32_t read;
+	uint32_t read, kept;
 	int64_t sent_ns; /* its last character has left */
 	int64_t deadline_ns;
 	bool garbled; /* something began like the answer */

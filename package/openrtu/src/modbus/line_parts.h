@@ -94,8 +94,24 @@ void modbus_choose_function(const struct modbus_device *device, struct modbus_re
  * command goes out once more, with the other function that writes the same.
  */
 bool modbus_turn_command(struct modbus_line *line, int64_t now_ns);
+/* Of line->request; turned: it has been done to it. True: the other function is to be tried. */
+bool modbus_turn(struct modbus_line *line, bool *turned, int64_t now_ns);
 /* Answers line->command. What was written is read back. */
 void modbus_end_command(struct modbus_line *line, enum modbus_result result, uint8_t exception);
+
+/* ---- kept.c ------------------------------------------------------------------------------ */
+
+/* What it writes next; NULL: nothing yet. */
+const struct modbus_request *modbus_kept_request(const struct modbus_kept *kept);
+/* line->command was carried out. */
+void modbus_keep_command(struct modbus_line *line, int64_t now_ns);
+/* What may be written now, the first that was due. False: nothing. */
+bool modbus_find_kept(const struct modbus_device *device, int64_t now_ns, uint32_t *found);
+/* When the next one is due; MODBUS_NEVER: none. */
+int64_t modbus_next_kept_ns(const struct modbus_device *device, int64_t now_ns);
+/* That under way has ended. */
+void modbus_kept_ended(struct modbus_line *line, enum modbus_result result, uint8_t exception,
+		       int64_t now_ns);
 
 /* ---- transaction.c ----------------------------------------------------------------------- */
 

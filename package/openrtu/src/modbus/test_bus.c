@@ -104,6 +104,15 @@ static void on_pause(void *context, uint32_t device, int64_t pause_ns, int64_t n
 	bus.pause_ns[device] = pause_ns;
 }
 
+static void on_kept(void *context, uint32_t device, const struct modbus_kept *kept, int64_t now_ns)
+{
+	assert_ptr_equal(context, &bus);
+	assert_int_equal(now_ns, bus.now_ns);
+	bus.last_result = kept->result;
+	bus.last_exception = kept->exception;
+	bus.kept_news[device]++;
+}
+
 static const struct modbus_events events = {.read = on_read,
 					    .refused = on_refused,
 					    .alive = on_alive,
@@ -111,6 +120,7 @@ static const struct modbus_events events = {.read = on_read,
 					    .late = on_late,
 					    .pause = on_pause,
 					    .turned = on_turned,
+					    .kept = on_kept,
 					    .stranger = on_stranger};
 
 /* ---- the devices -------------------------------------------------------------------------------- */
@@ -156,6 +166,8 @@ static uint8_t exception_for(const struct slave *slave, const struct modbus_requ
 {
 	if (slave->exception)
 		return slave->exception;
+	if (slave->write_exception && !modbus_is_read(request->function))
+		return slave->write_exception;
 	if (is_unknown(slave, request))
 		return MODBUS_ILLEGAL_FUNCTION;
 	if (slave->most > 0 && modbus_is_read(request->function) && request->count > slave->most)
@@ -642,6 +654,23 @@ void add_objects(uint8_t function, uint16_t address, uint16_t count)
 	for (uint16_t i = 0; i < count; i++)
 		bus.objects[index][device->object_count++] =
 		    (struct modbus_object){TAG_OF_OBJECT, (uint16_t)(address + i), function & 15u, 1, 0};
+}
+
+void add_kept(uint8_t function, uint16_t address, uint16_t value, int64_t period_ns, uint32_t tag)
+{
+	uint32_t index = bus.line.device_count - 1;
+	struct modbus_device *device = &bus.devices[index];
+
+	device->kept = bus.kept[index];
+	bus.constants[index][device->kept_count] =
+	    (struct modbus_request){device->unit, function, address, 1, {value}};
+	device->kept[device->kept_count] = (struct modbus_kept){
+	    .tag = tag,
+	    .period_ns = period_ns,
+	    .constants = function != 0 ? &bus.constants[index][device->kept_count] : NULL,
+	    .constant_count = function != 0,
+	};
+	device->kept_count++;
 }
 
 void start(void)

@@ -21,6 +21,7 @@
 #define OBJECTS_MAX  64
 #define ADDRESSES    1024
 #define COMMANDS_MAX 8
+#define KEPT_MAX     4
 #define WIRE_MAX     8192
 #define TRACE_MAX    4096
 #define TIMEOUT_NS   (100 * MS)
@@ -48,19 +49,20 @@ struct slave {
 	int64_t reaction_ns; /* request to answer */
 	unsigned late;       /* how many answers take late_ns */
 	int64_t late_ns;
-	int64_t long_ns;        /* on top of the reaction: of reads of more than one register */
-	int64_t write_ns;       /* ... of writes */
-	int64_t free_ns;        /* when it has dealt with all so far */
-	bool one_ear;           /* what is asked until then is lost, not done later */
-	int64_t pause_ns;       /* the same for so long behind that; what is lost begins it anew */
-	bool endless;           /* of its text, CR and LF are missing */
-	uint8_t exception;      /* its answer to everything, when not 0 */
-	uint32_t unknown;       /* functions that it does not know, a bit each */
-	bool dumb;              /* and does not answer */
-	int missing;            /* address it answers with exception 2; -1: none */
-	uint16_t blank, blanks; /* so many addresses from there on that it answers with exception 2 */
-	uint16_t most;          /* not 0: a read of more is answered with exception 3 */
-	int deaf;               /* address it does not answer to when read together with others */
+	int64_t long_ns;         /* on top of the reaction: of reads of more than one register */
+	int64_t write_ns;        /* ... of writes */
+	int64_t free_ns;         /* when it has dealt with all so far */
+	bool one_ear;            /* what is asked until then is lost, not done later */
+	int64_t pause_ns;        /* the same for so long behind that; what is lost begins it anew */
+	bool endless;            /* of its text, CR and LF are missing */
+	uint8_t exception;       /* its answer to everything, when not 0 */
+	uint8_t write_exception; /* the same, to writes */
+	uint32_t unknown;        /* functions that it does not know, a bit each */
+	bool dumb;               /* and does not answer */
+	int missing;             /* address it answers with exception 2; -1: none */
+	uint16_t blank, blanks;  /* so many addresses from there on that it answers with exception 2 */
+	uint16_t most;           /* not 0: a read of more is answered with exception 3 */
+	int deaf;                /* address it does not answer to when read together with others */
 	uint16_t registers[ADDRESSES];
 };
 
@@ -89,6 +91,8 @@ struct bus {
 	struct modbus_device devices[DEVICES_MAX];
 	struct modbus_object objects[DEVICES_MAX][OBJECTS_MAX];
 	struct modbus_read reads[DEVICES_MAX][OBJECTS_MAX];
+	struct modbus_kept kept[DEVICES_MAX][KEPT_MAX];
+	struct modbus_request constants[DEVICES_MAX][KEPT_MAX];
 	struct modbus_command commands[COMMANDS_MAX];
 	struct slave slaves[DEVICES_MAX];
 	struct wire_byte wire[WIRE_MAX];
@@ -120,6 +124,7 @@ struct bus {
 	unsigned pauses[DEVICES_MAX]; /* said */
 	int64_t pause_ns[DEVICES_MAX];
 	unsigned turns; /* of functions */
+	unsigned kept_news[DEVICES_MAX];
 	unsigned lates[DEVICES_MAX], strangers[DEVICES_MAX];
 	int64_t late_ns[DEVICES_MAX]; /* the latest */
 	uint8_t stranger;             /* the latest */
@@ -136,6 +141,8 @@ extern struct bus bus;
 void set_up(void);
 void add_device(uint8_t unit, uint8_t retries);
 void add_objects(uint8_t function, uint16_t address, uint16_t count);
+/* What it is to hold: the value in a register, or with function 0 what commands with that tag write. */
+void add_kept(uint8_t function, uint16_t address, uint16_t value, int64_t period_ns, uint32_t tag);
 void start(void);
 /* On TCP from then on, with frames of Modbus TCP or with such; to be called before the line starts. */
 void use_tcp(void);

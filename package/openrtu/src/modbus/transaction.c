@@ -6,7 +6,7 @@
 /* A command's fate must be known, and a read that was not answered before is given up when it is not again. */
 static int64_t timeout_of(const struct modbus_line *line, const struct modbus_device *device)
 {
-	if (line->purpose == MODBUS_COMMAND ||
+	if (line->purpose == MODBUS_COMMAND || line->purpose == MODBUS_KEEP ||
 	    (line->purpose == MODBUS_SCAN && device->reads[line->read].failures > 0))
 		return device->response_timeout_ns;
 	return modbus_timeout(device);
@@ -20,6 +20,7 @@ size_t modbus_begin(struct modbus_line *line, enum modbus_purpose purpose, uint3
 
 	modbus_connection_asked(line);
 	line->purpose = purpose;
+	line->kept_last = purpose == MODBUS_KEEP || (purpose == MODBUS_COMMAND && line->kept_last);
 	line->device = index;
 	line->garbled = line->echoed = false;
 	line->listen_ns = now_ns; /* whatever of the one before did not come */
@@ -130,8 +131,21 @@ static void learn_pause(struct modbus_line *line, int64_t now_ns)
 
 static void command_answered(struct modbus_line *line, bool is_exception, uint8_t exception, int64_t now_ns)
 {
-	if (exception != MODBUS_ILLEGAL_FUNCTION || !modbus_turn_command(line, now_ns))
-		modbus_end_command(line, is_exception ? MODBUS_REFUSED : MODBUS_DONE, exception);
+	if (exception == MODBUS_ILLEGAL_FUNCTION && modbus_turn_command(line, now_ns))
+		return;
+	if (!is_exception)
+		modbus_keep_command(line, now_ns);
+	modbus_end_command(line, is_exception ? MODBUS_REFUSED : MODBUS_DONE, exception);
+}
+
+/* A gateway's word that it does not reach the device is no refusal of the device's. */
+static void kept_answered(struct modbus_line *line, bool is_exception, bool unreachable, uint8_t exception,
+			  int64_t now_ns)
+{
+	if (unreachable)
+		modbus_kept_ended(line, MODBUS_TIMED_OUT, 0, now_ns);
+	else
+		modbus_kept_ended(line, is_exception ? MODBUS_REFUSED : MODBUS_DONE, exception, now_ns);
 }
 
 void modbus_request_answered(struct modbus_line *line, const uint8_t *body, bool is_exception, int64_t now_ns)
@@ -154,6 +168,8 @@ void modbus_request_answered(struct modbus_line *line, const uint8_t *body, bool
 
 	if (line->purpose == MODBUS_COMMAND)
 		command_answered(line, is_exception, exception, now_ns);
+	else if (line->purpose == MODBUS_KEEP)
+		kept_answered(line, is_exception, unreachable, exception, now_ns);
 	else if (line->purpose == MODBUS_SCAN && !is_exception)
 		read_answered(line, body + 3, now_ns);
 	else if (line->purpose == MODBUS_SCAN && !unreachable)
@@ -221,9 +237,12 @@ static void request_unanswered(struct modbus_line *line, bool too_soon, int64_t 
 	modbus_end(line, later(now_ns, line->last_byte_ns + MODBUS_GAP_NS), now_ns);
 	if (line->purpose == MODBUS_COMMAND)
 		modbus_end_command(line, MODBUS_TIMED_OUT, 0);
+	else if (line->purpose == MODBUS_KEEP)
+		modbus_kept_ended(line, MODBUS_TIMED_OUT, 0, now_ns);
 	else if (line->purpose == MODBUS_SCAN && !too_soon)
 		device->reads[line->read].failures++;
-	modbus_device_silent(line, line->device, now_ns);
+	if (line->purpose != MODBUS_KEEP) /* the reads find out whether it lives */
+		modbus_device_silent(line, line->device, now_ns);
 }
 
 void modbus_request_torn(struct modbus_line *line, int64_t now_ns)
@@ -235,6 +254,8 @@ void modbus_request_torn(struct modbus_line *line, int64_t now_ns)
 	modbus_end(line, now_ns, now_ns);
 	if (line->purpose == MODBUS_COMMAND)
 		modbus_end_command(line, MODBUS_TIMED_OUT, 0);
+	else if (line->purpose == MODBUS_KEEP)
+		modbus_kept_ended(line, MODBUS_TIMED_OUT, 0, now_ns);
 	/* Some hang up on what they do not know. */
 	else if (line->purpose == MODBUS_SCAN)
 		device->reads[line->read].failures++;

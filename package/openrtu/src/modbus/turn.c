@@ -64,6 +64,33 @@ static size_t begin_command(struct modbus_line *line, int64_t now_ns)
 	return 0;
 }
 
+/* What was due first, of all devices. */
+static size_t begin_kept(struct modbus_line *line, int64_t now_ns)
+{
+	int64_t first_ns = MODBUS_NEVER;
+	uint32_t index = 0, kept = 0;
+
+	for (uint32_t i = 0; i < line->device_count; i++) {
+		struct modbus_device *device = &line->devices[i];
+		uint32_t found;
+
+		if (device->kept_count == 0)
+			continue;
+		modbus_forget_unanswered(device, now_ns);
+		if (!modbus_find_kept(device, now_ns, &found) || device->kept[found].due_ns >= first_ns)
+			continue;
+		first_ns = device->kept[found].due_ns;
+		index = i;
+		kept = found;
+	}
+	if (first_ns == MODBUS_NEVER)
+		return 0;
+	line->kept = kept;
+	line->request = *modbus_kept_request(&line->devices[index].kept[kept]);
+	modbus_choose_function(&line->devices[index], &line->request);
+	return modbus_begin(line, MODBUS_KEEP, index, now_ns);
+}
+
 static uint32_t find_urgent_read(const struct modbus_device *device)
 {
 	uint32_t read = 0;
@@ -243,7 +270,7 @@ static size_t begin_in_turn(struct modbus_line *line, int64_t now_ns)
 	return length;
 }
 
-/* However many commands come, polling goes on; however many reads are due, the scan does. */
+/* However many commands come and writes of its own are due, polling goes on; however many reads are due, the scan does. */
 size_t modbus_begin_next(struct modbus_line *line, int64_t now_ns)
 {
 	size_t length = 0;
@@ -256,6 +283,10 @@ size_t modbus_begin_next(struct modbus_line *line, int64_t now_ns)
 	if (length > 0)
 		return length;
 	line->commands_in_row = 0;
+	if (!line->kept_last)
+		length = begin_kept(line, now_ns);
+	if (length > 0)
+		return length;
 	if (line->due_in_row < MODBUS_DUE_IN_ROW)
 		length = begin_due_read(line, now_ns);
 	if (length == 0)
@@ -263,6 +294,8 @@ size_t modbus_begin_next(struct modbus_line *line, int64_t now_ns)
 	/* Nobody is kept waiting. */
 	if (length == 0)
 		length = begin_command(line, now_ns);
+	if (length == 0)
+		length = begin_kept(line, now_ns);
 	if (length == 0)
 		length = begin_due_read(line, now_ns);
 	if (length == 0)
@@ -280,11 +313,13 @@ static bool is_to_settle(const struct modbus_device *device, int64_t now_ns)
 
 static bool is_due(const struct modbus_line *line, const struct modbus_device *device, int64_t now_ns)
 {
+	uint32_t kept;
+
 	if (!is_ready(device, now_ns))
 		return false;
 	if (!device->alive)
 		return modbus_is_readable(device) && now_ns >= modbus_probe_due_ns(line, device);
-	if (is_to_settle(device, now_ns))
+	if (is_to_settle(device, now_ns) || modbus_find_kept(device, now_ns, &kept))
 		return true;
 	for (uint32_t i = 0; i < device->read_count; i++)
 		if (is_of_scan(&device->reads[i], now_ns) || modbus_period_due(&device->reads[i], now_ns))
@@ -313,7 +348,9 @@ int64_t modbus_next_due(const struct modbus_line *line, int64_t now_ns)
 			due = earlier(due, device->trust_ns);
 		if (!is_ready(device, now_ns))
 			due = earlier(due, modbus_ready_ns(device));
-		if (line->command_count > 0 && now_ns < modbus_surely_ready_ns(device))
+		due = earlier(due, modbus_next_kept_ns(device, now_ns));
+		if ((line->command_count > 0 || device->kept_count > 0) &&
+		    now_ns < modbus_surely_ready_ns(device))
 			due = earlier(due, modbus_surely_ready_ns(device));
 		if (modbus_may_be_busy(device, now_ns))
 			due = earlier(due, device->trust_ns - MODBUS_LATE_NS);
