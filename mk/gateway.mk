@@ -13,7 +13,7 @@ build: build/native/build.ninja build/linesim/build.ninja build/plant/build.ninj
 .compared: build/bench/build.ninja
 	$(LOGGED) bench ninja -C build/bench
 
-keys: build $(VENV) ## Maintain: the schema and the tables of keys, after a change of the rules
+keys: build $(CENTRE) ## Maintain: the schema and the tables of keys, after a change of the rules
 	$(PYTHON) scripts/keys.py build/native
 
 unit: build ## Test: the C unit tests

@@ -153,6 +153,18 @@ COMPANIONS: dict[str, dict[str, Any]] = {
         for table in ("discrete_input", "input_register", "register_bits")
         for key in ("select", "read_back", "short_pulse_ms", "long_pulse_ms", "step", "min", "max")
     },
+    "coil.write_values": {"write_at_return": True},
+    "holding_register.write_values": {"write_at_return": True, "type": "float"},
+    "input_register.write_values": {"write_address": 40, "write_at_return": True, "type": "float"},
+    **{
+        f"{table}.write_values": {"write_address": 40, "write_at_return": True}
+        for table in ("discrete_input", "register_bits")
+    },
+    **{
+        f"{table}.{key}": {"write_address": 40}
+        for table in ("discrete_input", "input_register", "register_bits")
+        for key in ("write_at_return", "write_every_ms")
+    },
     "quality": {"type": "normalized"},
     "step": {"type": "float", "min": -2, "max": 2},
     "min": {"step": 1, "max": 1e31},

@@ -345,6 +345,30 @@ def test_slaves_of_a_template_that_are_wrong(
         ({"write_only": True, "period_ms": 500}, "period_ms: has no meaning beside write_only"),
         ({"write_only": True, "step": 1, "min": 0, "max": 9}, "step: has no meaning beside write_only"),
         ({"write_only": True, "read_back": False}, "read_back: has no meaning beside write_only"),
+        (
+            {"write_values": [1]},
+            "write_values: are never written, expected write_at_return true or write_every_ms",
+        ),
+        ({"write_values": [1], "write_at_return": False}, "write_values: are never written, expected"),
+        ({"write_values": [], "write_every_ms": 100}, "write_values: is empty, expected at least one"),
+        ({"write_values": [1, "x"], "write_every_ms": 100}, "write_values[1]: is no number"),
+        (
+            {"write_values": [1, 40000], "write_every_ms": 100},
+            "write_values[1]: 40000 is beyond what the object can",
+        ),
+        (
+            {"write_values": [5], "write_every_ms": 100, "min": 0, "max": 4},
+            "write_values[0]: 5 is beyond what",
+        ),
+        ({"type": "counter", "write_every_ms": 100}, "write_every_ms: has no meaning for type counter"),
+        (
+            {"write_values": [1], "write_every_ms": 100, "scale_register": 5},
+            "write_values: have no meaning beside scale_register",
+        ),
+        (
+            {"write_only": True, "write_at_return": True},
+            "holding_registers[0]: is to be written when its slave answers, which has no object that is read",
+        ),
     ],
 )
 def test_values_that_do_not_go_together(
@@ -361,6 +385,7 @@ def test_values_that_do_not_go_together(
     ("keys", "message"),
     [
         ({"select": True}, "select: has no meaning for input_registers: they cannot be commanded"),
+        ({"write_every_ms": 500}, "write_every_ms: has no meaning for input_registers: they cannot be"),
         ({"write_only": True}, "write_only: has no meaning for input_registers, which cannot be written"),
         ({"write_address": 9, "write_only": False}, "write_only: has no meaning for input_registers"),
         ({"write_address": 9, "scale_table": [[0, 0], [1, 1], [2, 0]]}, "must rise all the way"),

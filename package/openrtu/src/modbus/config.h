@@ -18,6 +18,7 @@
 #define MODBUS_POINTS   MAP_SECTION_ID('M', 'B', 'P', 'T')
 #define MODBUS_KNOTS    MAP_SECTION_ID('M', 'B', 'K', 'N')
 #define MODBUS_EXTRAS   MAP_SECTION_ID('M', 'B', 'E', 'X')
+#define MODBUS_KEEPS    MAP_SECTION_ID('M', 'B', 'K', 'P')
 
 #define MODBUS_KNOTS_MAX UINT16_MAX /* of all scaling tables */
 
@@ -110,6 +111,15 @@ struct modbus_extra {
 	uint16_t write_address; /* MODBUS_WRITTEN_ELSEWHERE */
 };
 
+/* What the gateway itself writes to a point's place: a record for each value in turn; in the order of the points. */
+struct modbus_keep {
+	double value;
+	uint32_t point;
+	uint32_t period_ms; /* 0: when the device is back alone */
+	uint32_t has_value; /* else it is what was commanded last */
+	uint32_t reserved;
+};
+
 #define MODBUS_PERIOD_MAX_MS 0x7FFFFFFu /* that a point has room for; a day is less */
 
 /* Where a point's value is in its slave, and how it stands there; at the number of the point. */
@@ -171,6 +181,33 @@ static inline struct modbus_point modbus_written(const struct map_config *config
 static inline struct modbus_knot *modbus_knots(const struct map_config *config)
 {
 	return map_records(config, MODBUS_KNOTS, sizeof(struct modbus_knot));
+}
+
+static inline struct modbus_keep *modbus_keeps(const struct map_config *config)
+{
+	return map_records(config, MODBUS_KEEPS, sizeof(struct modbus_keep));
+}
+
+/* How many records are the point's, the first of which is *first. */
+static inline uint32_t modbus_keeps_of(const struct map_config *config, uint32_t point,
+				       const struct modbus_keep **first)
+{
+	const struct modbus_keep *keeps = modbus_keeps(config);
+	const uint32_t all = map_record_count(config, MODBUS_KEEPS);
+	uint32_t low = 0, high = all, count = 0;
+
+	while (low < high) {
+		const uint32_t middle = low + (high - low) / 2;
+
+		if (keeps[middle].point < point)
+			low = middle + 1;
+		else
+			high = middle;
+	}
+	*first = keeps + low;
+	while (low + count < all && keeps[low + count].point == point)
+		count++;
+	return count;
 }
 
 static inline struct modbus_settings *modbus_settings(const struct map_config *config)

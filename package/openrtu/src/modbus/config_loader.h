@@ -39,6 +39,9 @@ struct modbus_entry {
 	uint32_t ioa_offset;
 	uint16_t ca;
 	uint16_t write_address; /* MODBUS_WRITTEN_ELSEWHERE */
+	bool is_kept;           /* by the gateway itself: */
+	uint32_t kept_every_ms;
+	const json_t *kept_values; /* NULL: what was commanded last; the file's */
 	char name[MAP_NAME_SIZE];
 	uint32_t period_ms;                     /* the slave's, for objects without one */
 	bool read_back;                         /* the same */
@@ -109,6 +112,11 @@ const struct config_place *modbus_entry_place(const struct modbus_entry *entry,
 
 /* Fills in what few of the entries' points have. The entries are in their final order. */
 void modbus_resolve_extras(struct modbus_loader *loader);
+
+/* ---- config_keeps.c ---------------------------------------------------------------------- */
+
+/* Keeps what the gateway itself writes, and says what cannot be. The entries are in their final order. */
+void modbus_resolve_keeps(struct modbus_loader *loader);
 
 /* ---- config_periods.c -------------------------------------------------------------------- */
 

@@ -2,7 +2,8 @@
 /* Which keys of an object mean something for which types, for commands, for what is read: for who reads a file, and for its schema. */
 #include "modbus/config_object.h"
 
-#define NOT_COUNTER (~MODBUS_TYPE(MAP_COUNTER))
+#define NOT_COUNTER  (~MODBUS_TYPE(MAP_COUNTER))
+#define OF_ONE_WRITE (NOT_COUNTER & ~MODBUS_TYPE(MAP_DOUBLE)) /* a double may be two */
 
 const struct modbus_meaning modbus_meanings[OBJECT_KEYS] = {
     [OBJECT_DECIMALS] = {.types = MODBUS_TYPE(MAP_FLOAT)},
@@ -41,4 +42,7 @@ const struct modbus_meaning modbus_meanings[OBJECT_KEYS] = {
     [OBJECT_PERIOD] = {.of_reading = true},
     [OBJECT_READ_BACK] = {.of_commands = true, .of_reading = true},
     [OBJECT_WRITE_ADDRESS] = {.of_reading = true},
+    [OBJECT_WRITE_VALUES] = {.types = OF_ONE_WRITE, .of_commands = true},
+    [OBJECT_WRITE_AT_RETURN] = {.types = OF_ONE_WRITE, .of_commands = true},
+    [OBJECT_WRITE_EVERY] = {.types = OF_ONE_WRITE, .of_commands = true},
 };

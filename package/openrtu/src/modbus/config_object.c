@@ -137,6 +137,30 @@ static void check_read_key(struct modbus_loader *loader, const struct config_pla
 			     "has no meaning for slave 0: the broadcast address is never read");
 }
 
+static bool is_kept(const struct config_value *values)
+{
+	return values[OBJECT_WRITE_EVERY].given || values[OBJECT_WRITE_AT_RETURN].integer;
+}
+
+static void check_kept(struct modbus_loader *loader, const struct config_place *object,
+		       const struct config_value *values)
+{
+	const struct config_place value = modbus_object_key(object, OBJECT_WRITE_VALUES);
+
+	for (unsigned key = OBJECT_WRITE_VALUES; key <= OBJECT_WRITE_EVERY; key++)
+		if (values[key].given)
+			check_read_key(loader, object, key);
+	if (!values[OBJECT_WRITE_VALUES].given)
+		return;
+	if (json_array_size(values[OBJECT_WRITE_VALUES].json) == 0)
+		config_error(loader->report, &value, "is empty, expected at least one number");
+	if (!is_kept(values) && !values[OBJECT_WRITE_EVERY].wrong && !values[OBJECT_WRITE_AT_RETURN].wrong)
+		config_error(loader->report, &value,
+			     "are never written, expected write_at_return true or write_every_ms beside it");
+	if (values[OBJECT_SCALE_REGISTER].given)
+		config_error(loader->report, &value, "have no meaning beside scale_register");
+}
+
 static uint8_t point_flags(const struct config_value *values, enum modbus_table table, bool never_read)
 {
 	unsigned flags = 0;
@@ -289,6 +313,7 @@ static void check_object(struct modbus_loader *loader, const struct config_place
 		check_read_key(loader, place, OBJECT_SCALE_REGISTER);
 	if (values[OBJECT_WRITE_ADDRESS].given)
 		check_read_key(loader, place, OBJECT_WRITE_ADDRESS);
+	check_kept(loader, place, values);
 }
 
 static void add_entry(struct modbus_loader *loader, const struct config_place *place,
@@ -301,6 +326,9 @@ static void add_entry(struct modbus_loader *loader, const struct config_place *p
 	    object_point(values, type, table,
 			 values[OBJECT_WRITE_ONLY].integer || modbus_is_broadcast(loader->config, set));
 	entry.write_address = (uint16_t)values[OBJECT_WRITE_ADDRESS].integer;
+	entry.is_kept = is_kept(values);
+	entry.kept_every_ms = (uint32_t)values[OBJECT_WRITE_EVERY].integer;
+	entry.kept_values = values[OBJECT_WRITE_VALUES].given ? values[OBJECT_WRITE_VALUES].json : NULL;
 	entry.wire = object_wire(values, type, table);
 	entry.point.set = (uint16_t)set;
 	if (values[OBJECT_UNIT].given)

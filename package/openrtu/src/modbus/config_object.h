@@ -7,6 +7,7 @@
 
 /* Points of a scaling table. */
 #define MODBUS_OBJECT_KNOTS_MAX 32
+#define MODBUS_OBJECT_KEPT_MAX  32 /* values that are written in turn */
 #define MODBUS_IOA_MAX          16777215
 
 enum {
@@ -53,6 +54,9 @@ enum {
 	OBJECT_READ_BACK,
 	OBJECT_WRITE_ADDRESS,
 	OBJECT_WRITE_ONLY,
+	OBJECT_WRITE_VALUES,
+	OBJECT_WRITE_AT_RETURN,
+	OBJECT_WRITE_EVERY,
 	OBJECT_KEYS
 };
 extern const struct config_rule modbus_object_rules[OBJECT_KEYS];

@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* The keys of a slave's tables and of the objects in them. */
-#include "modbus/config_meaning_schema.h"
 #include "modbus/config_object.h"
 
 #include <float.h>
@@ -22,6 +21,8 @@ static const char *const bit_orders[] = {"off_on", "on_off", NULL};
 
 CONFIG_TABLE(bit_number_table, .name = "bit_number",
 	     .json = CONFIG_JSON({"type" : "integer", "minimum" : 0, "maximum" : 15}));
+CONFIG_TABLE(kept_value_table, .name = "kept_value",
+	     .json = CONFIG_JSON({"type" : "number", "minimum" : -3.4e+38, "maximum" : 3.4e+38}));
 CONFIG_TABLE(knot_table, .name = "knot",
 	     .json = CONFIG_JSON({
 		     "type" : "array",
@@ -224,243 +225,30 @@ const struct config_rule modbus_object_rules[OBJECT_KEYS] = {
 			   CONFIG_SAYS("The object takes commands and is never read. It has no value, and "
 				       "none of the keys about one. Only coils and holding_registers.",
 				       .see = "configuration.md#written-elsewhere-or-only-written")},
+    [OBJECT_WRITE_VALUES] =
+	{"write_values", CONFIG_ARRAY, .high = MODBUS_OBJECT_KEPT_MAX,
+	 CONFIG_SAYS(
+	     "What the gateway itself writes to the object, one after the other and from the first again, "
+	     "in the unit of the value sent. With `write_at_return` or `write_every_ms`; without it, "
+	     "these write what was commanded last.",
+	     .see = "configuration.md#written-by-the-gateway-itself",
+	     .forms = CONFIG_FORMS(&kept_value_table), .json = CONFIG_JSON({
+							       "minItems" : 1,
+							       "items" : {"$ref" : "#/$defs/kept_value"},
+							       "examples" : [ [1], [ 0, 1 ] ]
+						       }))},
+    [OBJECT_WRITE_AT_RETURN] =
+	{"write_at_return", CONFIG_BOOLEAN,
+	 CONFIG_SAYS("The gateway writes the object when its device answers for the first time, and when it "
+		     "is back. Not of double and counter.",
+		     .see = "configuration.md#written-by-the-gateway-itself")},
+    [OBJECT_WRITE_EVERY] =
+	{"write_every_ms", CONFIG_INTEGER, .low = 100, .high = 86400000,
+	 CONFIG_SAYS(
+	     "Milliseconds between two writes of the object by the gateway itself, for as long as its "
+	     "device answers; also what `write_at_return` does.",
+	     .see = "configuration.md#written-by-the-gateway-itself")},
 };
-CONFIG_TABLE(object_table, .name = "object", .rules = modbus_object_rules, .count = OBJECT_KEYS,
-	     .add = modbus_put_write_only,
-	     .json = CONFIG_JSON({
-		     "oneOf" : [ {"required" : ["address"]}, {"required" : ["register"]} ],
-		     "if" : {
-			     "required" : ["address"],
-			     "properties" : {"address" : {"type" : "integer", "minimum" : 10000}}
-		     },
-		     "then" : {"required" : ["ioa"]}
-	     }));
-
-/* What modbus_meanings cannot say: how many registers a value has, and what goes beside what. */
-CONFIG_TABLE(
-    two_registers_table, .name = "two_registers",
-    .json = CONFIG_JSON({
-	    "anyOf" : [
-		    {
-			    "required" : ["format"],
-			    "properties" : {
-				    "format" : {
-					    "enum" : [
-						    "int32", "uint32", "float32", "fixed24_8", "bcd32",
-						    "mod10_32"
-					    ]
-				    }
-			    }
-		    },
-		    {
-			    "required" : ["type"],
-			    "properties" : {"type" : {"enum" : [ "bitstring", "float", "counter" ]}},
-			    "not" : {"anyOf" : [ {"required" : ["format"]}, {"required" : ["bits"]} ]}
-		    }
-	    ]
-    }));
-CONFIG_TABLE(three_registers_table, .name = "three_registers",
-	     .json = CONFIG_JSON({
-		     "required" : ["format"],
-		     "properties" : {"format" : {"enum" : [ "int48", "uint48", "bcd48", "mod10_48" ]}}
-	     }));
-CONFIG_TABLE(four_registers_table, .name = "four_registers",
-	     .json = CONFIG_JSON({
-		     "required" : ["format"],
-		     "properties" :
-			 {"format" : {"enum" : [ "int64", "uint64", "float64", "bcd64", "mod10_64" ]}}
-	     }));
-CONFIG_TABLE(bits_table, .name = "bits", .add = modbus_put_bit_meanings, .forms = CONFIG_FORMS(&object_table),
-	     .json = CONFIG_JSON({
-		     "$ref" : "#/$defs/object",
-		     "properties" : {
-			     "type" : {"enum" : [ "single", "double" ], "default" : "single"},
-			     "word_order" : false,
-			     "byte_order" : false,
-			     "scale" : false,
-			     "offset" : false,
-			     "scale_register" : false,
-			     "bit" : false
-		     },
-		     "if" : {"required" : ["type"], "properties" : {"type" : {"const" : "double"}}},
-		     "then" : {
-			     "properties" : {"write_address" : {"maximum" : 65534}},
-			     "if" : {"not" : {"required" : ["second_address"]}},
-			     "then" : {"properties" : {"address" : {"maximum" : 65534}}}
-		     }
-	     }));
-CONFIG_TABLE(
-    registers_table, .name = "registers", .add = modbus_put_register_meanings,
-    .forms = CONFIG_FORMS(&object_table, &two_registers_table, &three_registers_table, &four_registers_table),
-    .json = CONFIG_JSON({
-	    "$ref" : "#/$defs/object",
-	    "properties" : {
-		    "type" : {
-			    "enum" : [ "step", "bitstring", "normalized", "scaled", "float", "counter" ],
-			    "default" : "scaled"
-		    }
-	    },
-	    "allOf" : [
-		    {"if" : {"required" : ["format"]}, "then" : {"properties" : {"signed" : false}}}, {
-			    "if" : {"required" : ["type"], "properties" : {"type" : {"const" : "bitstring"}}},
-			    "then" : {"properties" : {"format" : {"enum" : [ "uint16", "uint32" ]}}}
-		    },
-		    {
-			    "if" : {"$ref" : "#/$defs/four_registers"},
-			    "then" : {
-				    "properties" : {
-					    "address" : {"maximum" : 65532},
-					    "write_address" : {"maximum" : 65532},
-					    "bits" : false
-				    }
-			    },
-			    "else" : {
-				    "if" : {"$ref" : "#/$defs/three_registers"},
-				    "then" : {
-					    "properties" : {
-						    "address" : {"maximum" : 65533},
-						    "write_address" : {"maximum" : 65533},
-						    "bits" : false
-					    }
-				    },
-				    "else" : {
-					    "if" : {"$ref" : "#/$defs/two_registers"},
-					    "then" : {
-						    "properties" : {
-							    "address" : {"maximum" : 65534},
-							    "write_address" : {"maximum" : 65534},
-							    "bits" : false
-						    }
-					    },
-					    "else" : {"properties" : {"word_order" : false}}
-				    }
-			    }
-		    },
-		    {
-			    "if" : {"required" : ["bits"]},
-			    "then" : {"required" : ["ioa"], "properties" : {"signed" : false}}
-		    },
-		    {
-			    "if" : {"properties" : {"type" : {"const" : "counter"}}, "required" : ["type"]},
-			    "then" : {"properties" : {"format" : {"not" : {"const" : "fixed24_8"}}}}
-		    },
-		    {
-			    "if" : {
-				    "anyOf" : [
-					    {
-						    "properties" : {
-							    "type" :
-								{"enum" : [ "normalized", "scaled", "float" ]}
-						    }
-					    },
-					    {
-						    "required" : [ "type", "format" ],
-						    "properties" : {
-							    "type" : {"const" : "counter"},
-							    "format" : {
-								    "enum" : [
-									    "int48", "uint48", "int64",
-									    "uint64", "float32", "float64",
-									    "bcd48", "bcd64", "mod10_48",
-									    "mod10_64"
-								    ]
-							    }
-						    }
-					    }
-				    ]
-			    },
-			    "else" :
-				{"properties" : {"scale" : false, "offset" : false, "scale_register" : false}}
-		    },
-		    {
-			    "if" : {"anyOf" : [ {"required" : ["scale"]}, {"required" : ["offset"]} ]},
-			    "then" : {"properties" : {"scale_points" : false, "scale_table" : false}}
-		    },
-		    {
-			    "if" : {"required" : ["scale_points"]},
-			    "then" : {"properties" : {"scale_table" : false}}
-		    },
-		    {
-			    "if" : {
-				    "anyOf" : [
-					    {
-						    "required" : ["format"],
-						    "properties" : {
-							    "format" : {
-								    "enum" : [
-									    "float32", "float64", "bcd16",
-									    "bcd32", "bcd48", "bcd64",
-									    "mod10_32", "mod10_48", "mod10_64"
-								    ]
-							    }
-						    }
-					    },
-					    {
-						    "required" : ["type"],
-						    "properties" : {"type" : {"const" : "float"}},
-						    "not" : {
-							    "anyOf" : [
-								    {"required" : ["format"]},
-								    {"required" : ["bits"]}
-							    ]
-						    }
-					    }
-				    ]
-			    },
-			    "then" : {"properties" : {"unimplemented" : false}}
-		    }
-	    ]
-    }));
-CONFIG_TABLE(register_bits_table, .name = "register_bits", .add = modbus_put_bit_meanings,
-	     .forms = CONFIG_FORMS(&object_table),
-	     .json = CONFIG_JSON({
-		     "$ref" : "#/$defs/object",
-		     "required" : ["ioa"],
-		     "properties" : {
-			     "type" : {"enum" : [ "single", "double" ], "default" : "single"},
-			     "second_address" : false,
-			     "word_order" : false,
-			     "scale" : false,
-			     "offset" : false,
-			     "scale_register" : false,
-			     "short_pulse_ms" : false,
-			     "long_pulse_ms" : false
-		     },
-		     "if" : {"required" : ["type"], "properties" : {"type" : {"const" : "double"}}},
-		     "then" : {"properties" : {"bit" : {"maximum" : 14}}}
-	     }));
-CONFIG_TABLE(register_table, .name = "register",
-	     .forms = CONFIG_FORMS(&register_bits_table, &registers_table),
-	     .json = CONFIG_JSON({
-		     "if" : {"type" : "object", "required" : ["bit"]},
-		     "then" : {"$ref" : "#/$defs/register_bits"},
-		     "else" : {"$ref" : "#/$defs/registers"}
-	     }));
-CONFIG_SHARED_TABLE(modbus_coil_table, .name = "coil", .forms = CONFIG_FORMS(&bits_table),
-		    .json = CONFIG_JSON({"$ref" : "#/$defs/bits"}));
-CONFIG_SHARED_TABLE(modbus_discrete_input_table, .name = "discrete_input", .add = modbus_put_commands,
-		    .forms = CONFIG_FORMS(&bits_table),
-		    .json = CONFIG_JSON({"$ref" : "#/$defs/bits", "properties" : {"write_only" : false}}));
-CONFIG_TABLE(commanded_register_table, .name = "commanded_register",
-	     .json = CONFIG_JSON({
-		     "dependentRequired" : {"step" : [ "min", "max" ], "min" : ["max"], "max" : ["min"]},
-		     "if" : {"properties" : {"type" : {"enum" : [ "normalized", "scaled" ]}}},
-		     "then" : {"properties" : {"step" : {"multipleOf" : 1}}}
-	     }));
-CONFIG_SHARED_TABLE(modbus_input_register_table, .name = "input_register", .add = modbus_put_commands,
-		    .forms = CONFIG_FORMS(&register_table, &commanded_register_table),
-		    .json = CONFIG_JSON({
-			    "$ref" : "#/$defs/register",
-			    "properties" : {"write_only" : false},
-			    "if" : {"required" : ["write_address"]},
-			    "then" : {"$ref" : "#/$defs/commanded_register"}
-		    }));
-CONFIG_SHARED_TABLE(modbus_holding_register_table, .name = "holding_register",
-		    .forms = CONFIG_FORMS(&register_table, &commanded_register_table),
-		    .json = CONFIG_JSON({
-			    "$ref" : "#/$defs/register",
-			    "allOf" : [ {"$ref" : "#/$defs/commanded_register"} ]
-		    }));
 const char *const modbus_status_keys[MODBUS_STATUS_BITS] = {
     [MODBUS_BLOCKED_BY] = "blocked_by",
     [MODBUS_SUBSTITUTED_BY] = "substituted_by",

@@ -171,6 +171,7 @@ static void read_part(struct config_loader *files, void *own, const struct confi
 	check_point_count(loader, &file);
 	modbus_check_collisions(loader);
 	modbus_resolve_extras(loader);
+	modbus_resolve_keeps(loader);
 	keep_points(loader);
 }
 

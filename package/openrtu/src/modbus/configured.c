@@ -64,6 +64,51 @@ static struct modbus_object object_of(const struct modbus_point *point, uint32_t
 				      .period_ms = point->scan_period_ms};
 }
 
+/* The points of the set that the gateway itself writes, once each. */
+static bool begins(const struct modbus_keep *keeps, uint32_t i, const struct map_set *set)
+{
+	return keeps[i].point >= set->first_point && keeps[i].point < set->first_point + set->point_count &&
+	       (i == 0 || keeps[i - 1].point != keeps[i].point);
+}
+
+/* Its constants have no values yet: whoever writes makes them. */
+static bool configure_constants(const struct map_config *config, struct modbus_kept *kept)
+{
+	const struct modbus_keep *first;
+	const uint32_t count = modbus_keeps_of(config, kept->tag, &first);
+
+	kept->period_ns = first->period_ms * NS_PER_MS;
+	if (!first->has_value)
+		return true;
+	kept->constants = calloc(count, sizeof(*kept->constants));
+	kept->constant_count = count;
+	return kept->constants != NULL;
+}
+
+static bool configure_kept(const struct map_config *config, const struct map_set *set,
+			   struct modbus_device *device)
+{
+	const struct modbus_keep *keeps = modbus_keeps(config);
+	const uint32_t records = map_record_count(config, MODBUS_KEEPS);
+	uint32_t count = 0;
+
+	for (uint32_t i = 0; i < records; i++)
+		count += begins(keeps, i, set);
+	if (count == 0)
+		return true;
+	device->kept = calloc(count, sizeof(*device->kept));
+	if (device->kept == NULL)
+		return false;
+	for (uint32_t i = 0; i < records; i++) {
+		if (!begins(keeps, i, set))
+			continue;
+		device->kept[device->kept_count].tag = keeps[i].point;
+		if (!configure_constants(config, &device->kept[device->kept_count++]))
+			return false;
+	}
+	return true;
+}
+
 static bool configure_device(const struct map_config *config, uint32_t slave, struct modbus_device *device)
 {
 	const struct modbus_slave *from = &modbus_slaves(config)[slave];
@@ -90,7 +135,7 @@ static bool configure_device(const struct map_config *config, uint32_t slave, st
 			device->objects[device->object_count++] =
 			    object_of(&modbus_points(config)[number], number);
 	}
-	return true;
+	return configure_kept(config, set, device);
 }
 
 static uint32_t commands_of_device(const struct map_config *config, const struct map_set *device)
@@ -136,6 +181,9 @@ void modbus_line_release(struct modbus_line *line)
 	for (uint32_t i = 0; i < line->device_count; i++) {
 		free(line->devices[i].objects);
 		free(line->devices[i].reads);
+		for (uint32_t j = 0; j < line->devices[i].kept_count; j++)
+			free(line->devices[i].kept[j].constants);
+		free(line->devices[i].kept);
 	}
 	free(line->devices);
 	free(line->commands);

@@ -52,19 +52,35 @@ static int64_t line_ns(const struct modbus_line *line)
 	return later(sum, longest_ns);
 }
 
+/* A write of two registers is as long as a read of four. */
+static double kept_load(const struct modbus_line *line, const struct modbus_device *device, bool at_once)
+{
+	const int64_t write_ns = modbus_read_ns(&line->wire, MODBUS_READ_HOLDING_REGISTERS, 4,
+						at_once ? 0 : modbus_reaction_ns(&device->limits));
+	double load = 0;
+
+	for (uint32_t i = 0; i < device->kept_count; i++)
+		if (device->kept[i].period_ns > 0)
+			load += (double)write_ns / (double)device->kept[i].period_ns;
+	return load;
+}
+
 double modbus_limit_load(const struct modbus_line *line, bool at_once)
 {
 	double load = 0;
 
-	for (uint32_t i = 0; i < line->device_count; i++)
-		for (uint32_t j = 0; j < line->devices[i].read_count; j++) {
-			const struct modbus_device *device = &line->devices[i];
+	for (uint32_t i = 0; i < line->device_count; i++) {
+		const struct modbus_device *device = &line->devices[i];
+
+		load += kept_load(line, device, at_once);
+		for (uint32_t j = 0; j < device->read_count; j++) {
 			const struct modbus_read *read = &device->reads[j];
 
 			if (read->period_ns > 0)
 				load += (double)modbus_limit_read_ns(line, device, read, at_once) /
 					(double)read->period_ns;
 		}
+	}
 	return load;
 }
 

@@ -14,7 +14,7 @@ int64_t modbus_limit_read_ns(const struct modbus_line *line, const struct modbus
 			     const struct modbus_read *read, bool at_once);
 
 /*
- * The share of the line's time that its reads with a period need. More than 1 cannot be held; less can, but for one
+ * The share of the line's time that its reads and its own writes with a period need. More than 1 cannot be held; less can, but for one
  * request that is under way when another is due.
  */
 double modbus_limit_load(const struct modbus_line *line, bool at_once);

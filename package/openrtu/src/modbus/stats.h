@@ -63,9 +63,10 @@ struct modbus_device_stats {
 	_Atomic uint32_t answers;
 	_Atomic uint32_t exceptions;
 	_Atomic uint32_t timeouts;
-	_Atomic uint32_t errors;         /* crc, wrong answers */
-	_Atomic uint32_t missed_periods; /* in which a read with a period was not begun */
-	_Atomic uint32_t pause_us;       /* learned, that it needs behind its answers; 0: none */
+	_Atomic uint32_t errors;            /* crc, wrong answers */
+	_Atomic uint32_t missed_periods;    /* in which a read with a period was not begun */
+	_Atomic uint32_t pause_us;          /* learned, that it needs behind its answers; 0: none */
+	_Atomic uint32_t kept, kept_failed; /* writes of the gateway's own: confirmed, not confirmed */
 	/* Functions that write one of them, learned by exception 1 to the other one; 0: none. */
 	_Atomic uint32_t writes_coils, writes_registers;
 	/* What the process that runs knows: the next one begins anew. */

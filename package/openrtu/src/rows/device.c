@@ -38,6 +38,8 @@ json_t *rows_device(const struct map *map, uint32_t index)
 	json_object_set_new(row, "learned", learned_json(&stats->learned));
 	json_object_set_new(row, "planned_requests", json_integer(stats->planned_requests));
 	json_object_set_new(row, "missed_periods", json_integer(stats->missed_periods));
+	json_object_set_new(row, "kept_writes", json_integer(stats->kept));
+	json_object_set_new(row, "kept_writes_failed", json_integer(stats->kept_failed));
 	json_object_set_new(row, "requests", json_integer(stats->requests));
 	json_object_set_new(row, "answers", json_integer(stats->answers));
 	json_object_set_new(row, "exceptions", json_integer(stats->exceptions));

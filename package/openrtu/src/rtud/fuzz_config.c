@@ -28,7 +28,7 @@ static void check_settings(const struct map_config *config)
 /* What rtu-modbus converts without asking. */
 static void check_wire(const struct map_config *config, const struct modbus_point *point)
 {
-	CHECK(point->width == 1 || point->width == 2 || point->width == 4);
+	CHECK(point->width >= 1 && point->width <= 4);
 	CHECK(point->format < MODBUS_FORMATS);
 	CHECK(point->bit + point->field <= 16);
 	CHECK(modbus_point_address(point, point->width - 1u) <= UINT16_MAX);
@@ -46,6 +46,18 @@ static void check_extra(const struct map_config *config, const struct modbus_poi
 
 	for (unsigned bit = 0; extra != NULL && bit < MODBUS_STATUS_BITS; bit++)
 		CHECK(extra->status[bit] <= points);
+}
+
+/* By point, which is how they are found, each of a point that takes commands. */
+static void check_keeps(const struct map_config *config)
+{
+	const struct modbus_keep *keeps = modbus_keeps(config);
+
+	for (uint32_t i = 0; i < map_record_count(config, MODBUS_KEEPS); i++) {
+		CHECK(keeps[i].point < map_record_count(config, MODBUS_POINTS));
+		CHECK(i == 0 || keeps[i].point >= keeps[i - 1].point);
+		CHECK(config->points[keeps[i].point].flags & MAP_POINT_COMMAND);
+	}
 }
 
 /* Points by set, slaves by port, without holes: what the map's sweeps rely on. */
@@ -99,6 +111,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	if (result == CONFIG_GOOD) {
 		check_settings(&config);
 		check_order(&config);
+		check_keeps(&config);
 	} else {
 		CHECK(ftell(messages) > before); /* nothing is refused without a reason */
 		CHECK(config.points == NULL && config.point_count == 0);

@@ -53,6 +53,8 @@ static void show_device(struct modbus_device_stats *stats, struct modbus_device 
 	show(&stats->latency_us, device->counters.latency_us);
 	show(&stats->planned_requests, device->read_count);
 	show(&stats->missed_periods, device->counters.missed_periods);
+	show(&stats->kept, device->counters.kept);
+	show(&stats->kept_failed, device->counters.kept_failed);
 	show(&stats->too_late, device->counters.too_late);
 	show(&stats->latest_ms, (uint32_t)((device->latest_ns + NS_PER_MS - 1) / NS_PER_MS));
 	show(&stats->writes_coils, device->writes.coils);
@@ -87,6 +89,8 @@ static void take_device(struct modbus_device *device, const struct modbus_device
 	    .timeouts = stats->timeouts,
 	    .errors = stats->errors,
 	    .missed_periods = stats->missed_periods,
+	    .kept = stats->kept,
+	    .kept_failed = stats->kept_failed,
 	};
 	modbus_take_functions(device, stats->writes_coils, stats->writes_registers);
 	modbus_pause_take(&device->pause, stats->pause_us * NS_PER_US, map_now_ns());

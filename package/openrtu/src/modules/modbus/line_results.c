@@ -107,23 +107,39 @@ static void publish_read(void *context, uint32_t device, const struct modbus_rea
 		commands_published(results->commands, results->updates[i].point);
 }
 
-/* A device that gives things and refuses them in turn says so without end. */
-static void say_refused(struct line_results *results, uint32_t device, const struct modbus_read *read,
-			uint8_t exception, int64_t now_ns)
+/* A device that gives things and refuses them in turn says so without end. False: the log takes no line now. */
+static bool take_line(struct line_results *results, uint32_t device, int64_t now_ns, char more[MORE_SIZE])
 {
 	static const struct map_pace pace = {REFUSALS_PERIOD_NS, REFUSALS_AT_ONCE};
 	struct map_lines *lines = &results->news[device].refusals;
-	char more[MORE_SIZE] = "", what[WHAT_SIZE] = "no answer";
 
+	more[0] = '\0';
 	if (!map_lines_take(lines, pace, now_ns))
-		return;
+		return false;
 	if (lines->withheld > 0)
-		snprintf(more, sizeof(more), "; %" PRIu32 " more since the last line", lines->withheld);
+		snprintf(more, MORE_SIZE, "; %" PRIu32 " more since the last line", lines->withheld);
 	lines->withheld = 0;
-	if (exception != 0)
-		snprintf(what, sizeof(what), "exception %u", exception);
-	map_log(results->map, MAP_LOG_WARNING, "%s: %s to function %u, address %u%s",
-		device_config(results, device)->name, what, read->function, read->address, more);
+	return true;
+}
+
+/* exception 0: it is silent. Returns what. */
+static const char *refusal(uint8_t exception, char what[WHAT_SIZE])
+{
+	if (exception == 0)
+		return "no answer";
+	snprintf(what, WHAT_SIZE, "exception %u", exception);
+	return what;
+}
+
+static void say_refused(struct line_results *results, uint32_t device, const struct modbus_read *read,
+			uint8_t exception, int64_t now_ns)
+{
+	char more[MORE_SIZE], what[WHAT_SIZE];
+
+	if (take_line(results, device, now_ns, more))
+		map_log(results->map, MAP_LOG_WARNING, "%s: %s to function %u, address %u%s",
+			device_config(results, device)->name, refusal(exception, what), read->function,
+			read->address, more);
 }
 
 static void lose_read(void *context, uint32_t device, const struct modbus_read *read, uint8_t exception,
@@ -275,6 +291,23 @@ static void say_turned(void *context, uint32_t device, uint8_t unknown, uint8_t 
 		    results->config->port, unknown, function);
 }
 
+static void say_kept(void *context, uint32_t device, const struct modbus_kept *kept, int64_t now_ns)
+{
+	struct line_results *results = context;
+	const struct map_config *config = map_config(results->map);
+	char name[MAP_NAME_SIZE], more[MORE_SIZE], what[WHAT_SIZE];
+
+	if (!take_line(results, device, now_ns, more))
+		return;
+	map_point_name(config, &config->points[kept->tag], name);
+	if (kept->result == MODBUS_DONE)
+		map_log(results->map, MAP_LOG_INFO, "%s: takes what the gateway itself writes to %s again%s",
+			device_config(results, device)->name, name, more);
+	else
+		map_log(results->map, MAP_LOG_WARNING, "%s: %s to what the gateway itself writes to %s%s",
+			device_config(results, device)->name, refusal(kept->exception, what), name, more);
+}
+
 static void say_stranger(void *context, uint32_t device, uint8_t unit, int64_t now_ns)
 {
 	struct line_results *results = context;
@@ -306,4 +339,5 @@ const struct modbus_events line_results_events = {.read = publish_read,
 						  .late = say_late,
 						  .pause = say_pause,
 						  .turned = say_turned,
+						  .kept = say_kept,
 						  .stranger = say_stranger};

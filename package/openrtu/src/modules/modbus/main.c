@@ -20,6 +20,7 @@
 #include "modbus/convert.h"
 #include "modbus/stats.h"
 #include "modules/modbus/commands.h"
+#include "modules/modbus/constants.h"
 #include "modules/modbus/line_counters.h"
 #include "modules/modbus/line_results.h"
 #include "modules/modbus/port.h"
@@ -176,6 +177,8 @@ static void set_up_port(struct gateway *gateway, uint32_t number, const char *di
 					 .exponents = gateway->exponents};
 	if (!modbus_line_configure(&port->line, gateway->config, number))
 		out_of_memory();
+	for (uint32_t i = 0; i < port->line.device_count; i++)
+		constants_make(gateway->config, &port->line.devices[i]);
 	modbus_name_counters(gateway->map, number);
 	line_counters_take(port);
 	snprintf(name, sizeof(name), "line%u", port->config->port);
