@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from desk import Substation, everything_read, gateway_on_lines, patience
 from lab.linesim import Frame
+from rig.desk import Substation, everything_read, gateway_on_lines, patience
 
 pytestmark = pytest.mark.slow  # as a whole; test_line_kept.c looks at the same
 
