@@ -68,8 +68,8 @@ def test_change_reaches_its_area(path: str, reached: set[str], not_reached: set[
 
 
 def test_file_of_tests_reaches_itself_alone() -> None:
-    assert parts(["tests/pins/test_cli.py"])["test-pins"] == {
-        "tests/pins/test_cli.py": ["tests/pins/test_cli.py"]
+    assert parts(["tests/pins/test_picture.py"])["test-pins"] == {
+        "tests/pins/test_picture.py": ["tests/pins/test_picture.py"]
     }
 
 

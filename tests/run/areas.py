@@ -80,7 +80,7 @@ REACH = [
     ("docs/update.md", "tests/netboot/test_slots.py"),
     ("docs/defconfig.md", "test-image"),
     ("docs/image-*.md", "test-image"),
-    ("docs/device-tree.md", "tests/pins/test_cli.py"),
+    ("docs/device-tree.md", "test-pins"),
     ("docs/figures/run-native.svg", "tests/shows/test_show.py"),
     ("docs/figures/blocks.svg", "tests/logic/test_logic_blocks.py"),
     ("docs/figures/blocks/*", "tests/logic/test_logic_blocks.py"),
@@ -261,7 +261,7 @@ REACH = [
     # the board
     ("board/nuc980/qemu/*", f"lint {SERIES} {BOARDS}"),
     ("board/nuc980/linux/*/*", f"{SERIES} test-image test-pins test-linux"),
-    ("board/nuc980/u-boot/*", f"{SERIES} test-image {BOARDS}"),
+    ("board/nuc980/u-boot/*", f"{SERIES} test-image test-pins {BOARDS}"),
     ("board/nuc980/boards/*/pins.yml", f"test-pins {BOARDS}"),
     ("board/*", "lint test-image test-pins test-netboot test-linux"),
     ("dts/*", f"{SERIES} test-pins test-image {BOARDS}"),
