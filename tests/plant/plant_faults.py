@@ -21,7 +21,7 @@ from plant_world import GATEWAY, REPOSITORY, PlantError, World, run
 
 FAULTS = Path(__file__).with_name("faults")
 BUILD = REPOSITORY / "build" / "plant-faults"
-TARGETS = ("rtud/rtud", "modules/rtu-modbus", "modules/rtu-iec104", "centre/rtu-centre")
+TARGETS = ("rtud/rtud", "modules/rtu-modbus", "modules/rtu-iec104", "centre/rtu-centre", "rtuctl/rtuctl")
 SECONDS = 300.0
 FAULT_EVERY_S = 8.0
 CPU_S = 600.0

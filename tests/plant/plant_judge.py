@@ -15,12 +15,14 @@ from plant_seeds import RECOVERY_S
 from plant_world import (
     BEGIN_NS,
     CHANGES_FROM_S,
+    CONFIGURATIONS,
     MODBUS_PORT,
     NETWORKED,
     ORDERED,
     PORT,
     SETTLED_S,
     Change,
+    Configuration,
     Fault,
     Order,
     Run,
@@ -37,6 +39,7 @@ RAREST_S = 65.0  # the longest pause before a probe, and the probe (docs/limit.m
 PROBED_S = 5.0  # a device that lived for long before is probed so soon after it was dead for as long again
 INVALID_S = 5.0  # from the last answer of a device until its points are told invalid
 WINDOW_S = 10
+CHANGED_S = 5.0  # from the end of a reload until all has been read by it
 LINES_A_MINUTE = 60  # of a program: worlds with a fault every 8 s have half as many
 MINUTE = len("2026-01-01T00:00")
 ANSWERS_LEAST = 15  # of a device that lives, in each window: two reads a second, and a neighbour's time-outs
@@ -118,16 +121,15 @@ class History:
     def held(self) -> dict[str, list[tuple[float, int]]]:
         """Of each point, from when on it had which value."""
         held: dict[str, list[tuple[float, int]]] = {
-            f"{line * 1000 + unit}.{ioa}": [(float("-inf"), 0)]
-            for line, unit in self.run.world.units
-            for ioa in self.run.world.addresses
+            point: [(float("-inf"), 0)] for point in self.run.world.points
         }
         for write in self.writes:
             held[write.point].append((write.at_s, write.value))
         for line in self.run.told("field"):
             if line["command"].startswith("set "):
                 change = change_of(seconds(line["at"]), line["command"])
-                held[change.point].append((change.at_s, change.value))
+                if change.point in held:
+                    held[change.point].append((change.at_s, change.value))
         return held
 
     @cached_property
@@ -149,6 +151,33 @@ class History:
             elif line["kind"] == "progress" and line["order"] in ordered:
                 ordered[line["order"]].append((seconds(line["at"]), line["state"], line["result"]))
         return ordered
+
+    @cached_property
+    def configured(self) -> list[tuple[float, float, Configuration]]:
+        """From when to when which was in force, without the time of its change."""
+        configured, since_s, now = [], 0.0, CONFIGURATIONS[0]
+        for line in self.run.told("reload") if self.run.world.reloads else []:
+            at_s = seconds(line["at"])
+            if line["kind"] == "asked":
+                configured.append((since_s, at_s, now))
+                since_s, now = float("inf"), CONFIGURATIONS[line["configuration"]]
+            elif line["kind"] == "in force":
+                since_s = at_s + CHANGED_S
+        return [*configured, (since_s, float("inf"), now)]
+
+    def has(self, point: str, from_s: float, to_s: float) -> bool:
+        """The point is there all that time."""
+        return any(
+            since_s <= from_s and to_s <= until_s and configuration.has(*self.run.world.points[point])
+            for since_s, until_s, configuration in self.configured
+        )
+
+    def has_not(self, point: str, from_s: float, to_s: float) -> bool:
+        """It is not there all that time."""
+        return any(
+            since_s <= from_s and to_s <= until_s and not configuration.has(*self.run.world.points[point])
+            for since_s, until_s, configuration in self.configured
+        )
 
     def dead_times(self, device: str) -> list[tuple[float, float]]:
         """When its points are told as not good."""
@@ -279,7 +308,7 @@ def events_are_in_order(history: History) -> Iterator[Violation]:
 def is_trouble_of(device: str, fault: Fault) -> bool:
     """It may keep the device from being read. What comes late falls into what others say on the line."""
     line = device.split(".")[0]
-    if fault.kind in ("closing", "tearing", "idling"):
+    if fault.kind in ("reload", "closing", "tearing", "idling"):
         return False
     if fault.kind in ("cut", "lost", "power"):
         return (line, fault.of) == (f"{NETWORKED}", f"{MODBUS_PORT}")
@@ -339,6 +368,8 @@ def no_event_is_lost(history: History) -> Iterator[Violation]:
         for (since_s, value), until_s in zip(held, ends, strict=True):
             if until_s - since_s < HELD_S or value == 0 or (point, value) in told:
                 continue
+            if not history.has(point, since_s, since_s + HELD_S):
+                continue
             if not could_be_lost(point, since_s, since_s + HELD_S, history.faults):
                 text = f"{point} was {value} from {since_s:.3f} to {until_s:.3f} s"
                 yield Violation("no event lost", since_s, text)
@@ -346,13 +377,22 @@ def no_event_is_lost(history: History) -> Iterator[Violation]:
 
 def all_recovers(history: History) -> Iterator[Violation]:
     """Some time after the last fault the centre knows each value, and that it is good."""
+    if history.configured[-1][0] > history.end_s:
+        yield Violation("recovery", history.end_s, "no configuration is in force as a whole")
     last = {told.point: told for told in history.told}
     for point, held in history.held.items():
         told = last.get(point)
+        if not history.has(point, history.end_s - SETTLED_S, history.end_s):
+            continue
         if told is None or not told.good or told.value != held[-1][1]:
             seen = "nothing" if told is None else f"{told.value}, {'good' if told.good else 'not good'}"
             text = f"{point} is {held[-1][1]}, the centre knows {seen}"
             yield Violation("recovery", history.end_s, text)
+
+
+def first_point(device: str) -> str:
+    line, unit = map(int, device.split("."))
+    return f"{line * 1000 + unit}.30001"
 
 
 def periods_are_kept(history: History) -> Iterator[Violation]:
@@ -364,6 +404,8 @@ def periods_are_kept(history: History) -> Iterator[Violation]:
         dead = history.dead_times(device)
         for (from_s, before), (to_s, after) in zip(samples, samples[WINDOW_S:], strict=False):
             count = after[device] - before[device]
+            if not history.has(first_point(device), from_s, to_s):
+                continue
             if count >= ANSWERS_LEAST or from_s < CHANGES_FROM_S or to_s - from_s < WINDOW_S - 1:
                 continue
             may_be_dead = overlaps(troubled, from_s, to_s) and overlaps(dead, from_s, to_s)
@@ -390,6 +432,8 @@ def silence_is_told(history: History) -> Iterator[Violation]:
         others = [other for other in history.faults if other is not fault]
         for point in history.held:
             events = history.events.get(point, [])
+            if not history.has(point, fault.at_s, until_s):
+                continue
             if not is_trouble_of(device_of(point), fault) or is_disturbed(point, others, fault.at_s, until_s):
                 continue
             if not any(not event.good and fault.at_s <= (event.tag_s or 0) <= until_s for event in events):
@@ -400,7 +444,8 @@ def is_no_alarm(history: History, event: Told) -> bool:
     """Neither its device, nor its line, nor the process that reads it had trouble."""
     tag_s = event.tag_s or 0.0
     times = troubled_times(device_of(event.point), history.faults)
-    return not event.good and not overlaps(times, tag_s - AGE_S, tag_s + AGE_S)
+    there = history.has(event.point, tag_s, tag_s + AGE_S)
+    return there and not event.good and not overlaps(times, tag_s - AGE_S, tag_s + AGE_S)
 
 
 def nothing_is_bad_without_trouble(history: History) -> Iterator[Violation]:
@@ -458,9 +503,9 @@ def has_to_be_done(history: History, order: Order) -> bool:
     until_s = order.at_s + ORDER_S + 4 * history.way_s
     point = f"{order.line * 1000 + order.unit}.{ORDERED}"
     tearing = [(fault.at_s, fault.end_s) for fault in history.faults if fault.kind in ("tearing", "step")]
-    return not is_disturbed(point, list(history.faults), order.at_s, until_s) and not overlaps(
-        tearing, order.at_s - AGE_S, until_s
-    )
+    if not history.has(point, order.at_s, until_s) or overlaps(tearing, order.at_s - AGE_S, until_s):
+        return False
+    return not is_disturbed(point, list(history.faults), order.at_s, until_s)
 
 
 def commands_are_answered_truly(history: History) -> Iterator[Violation]:
@@ -476,6 +521,23 @@ def commands_are_answered_truly(history: History) -> Iterator[Violation]:
             yield Violation("command true", order.at_s, what)
         elif not is_done_or_not_sent(states) and has_to_be_done(history, order):
             yield Violation("command done", order.at_s, what)
+
+
+def values_are_of_the_configuration(history: History) -> Iterator[Violation]:
+    """What is not in the one in force is not told as good."""
+    for point, events in history.events.items():
+        for event in events:
+            tag_s = event.tag_s or 0.0
+            if event.good and history.has_not(point, tag_s, event.at_s):
+                yield Violation("configuration", event.at_s, f"{point} is told as {event}")
+
+
+def devices_are_of_the_configuration(history: History) -> Iterator[Violation]:
+    """Nor is a device asked that is not in it."""
+    for (from_s, before), (to_s, after) in itertools.pairwise(history.answers):
+        for device in before:
+            if after[device] > before[device] and history.has_not(first_point(device), from_s, to_s):
+                yield Violation("configuration", to_s, f"device {device} is asked")
 
 
 def no_log_is_flooded(history: History) -> Iterator[Violation]:
@@ -500,6 +562,8 @@ RULES = (
     nothing_is_bad_without_trouble,
     connections_stay,
     no_log_is_flooded,
+    values_are_of_the_configuration,
+    devices_are_of_the_configuration,
     commands_are_executed_once,
     commands_are_answered_truly,
     all_recovers,

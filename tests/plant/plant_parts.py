@@ -158,6 +158,29 @@ def watch(path: Path) -> None:
             time.sleep(max(0, due_ns - time.clock_gettime_ns(time.CLOCK_MONOTONIC)) / 1e9)
 
 
+def reload(map_: str, folder: Path, rtuctl: str) -> None:
+    """Puts another configuration in the place of rtud's own and lets it be read, until it is in force."""
+    for line in (folder / "reloads").read_text().splitlines():
+        due, number = line.split()
+        time.sleep(max(0, int(due) - time.clock_gettime_ns(time.CLOCK_MONOTONIC)) / 1e9)
+        say(kind="asked", configuration=int(number))
+        file = folder / "gateway.json"
+        file.with_suffix(".new").write_text((folder / f"gateway-{number}.json").read_text())
+        file.with_suffix(".new").rename(file)
+        while code := ended_with(rtuctl, "--map", map_, "reload"):
+            say(kind="refused", code=code)
+            time.sleep(RESTART_S)
+        say(kind="in force", configuration=int(number))
+
+
+def ended_with(program: str, *arguments: str) -> int:
+    pid = os.fork()
+    if pid == 0:
+        os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+        os.execve(program, [program, *arguments], os.environ)
+    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+
+
 def keep(program: str, *arguments: str) -> None:
     """What the init system of a machine does: starts a program again when it has ended."""
     while True:
@@ -178,5 +201,7 @@ if __name__ == "__main__":
             change(Path(path), Path(script))
         case ["watch", path]:
             watch(Path(path))
+        case ["reload", map_, folder, rtuctl]:
+            reload(map_, Path(folder), rtuctl)
         case ["keep", *words]:
             keep(*words)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 from plant_world import (
     CHANGES_FROM_S,
+    CONFIGURATIONS,
     DEVICES,
     MODBUS_PORT,
     NETWORKED,
@@ -66,6 +67,8 @@ class Field:
             self.bits[device] = 1 - self.bits.get(device, 0)
             return Change(at_s, device, "discrete_inputs", 0, self.bits[device])
         self.next_value = self.next_value % 32000 + 1
+        if self.lines == FAR_LINES and self.random.random() < 0.1:
+            return Change(at_s, f"{self.line()}.1", "input_registers", POINTS, self.next_value)
         return Change(at_s, device, "input_registers", self.random.randrange(POINTS), self.next_value)
 
     def times(self, from_s: float, to_s: float, mean_s: float) -> Iterator[float]:
@@ -127,8 +130,13 @@ class Field:
         by_s = LEAST_STEP_S * (1 + 99 * self.random.random() ** 2)
         return Fault(at_s, "step", "clock", by_s=round(by_s * self.random.choice((1, -1)), 3))
 
+    def reload(self, at_s: float) -> Fault:
+        return Fault(at_s, "reload", f"{self.random.randrange(len(CONFIGURATIONS))}")
+
     def far_fault(self, at_s: float) -> Fault:
-        make = self.random.choice((self.session_fault, self.session_fault, self.fault, self.step))
+        make = self.random.choice(
+            (self.session_fault, self.session_fault, self.fault, self.step, self.reload)
+        )
         return make(at_s)
 
     def made_by(self, make: Callable[[float], Fault], mean_s: float) -> tuple[Fault, ...]:

@@ -28,6 +28,7 @@ BAUD, SLOW_BAUD = 9600, 2400  # slow: a scan is a dozen requests a second, and n
 PERIOD_MS = 1000
 ORDERED = 40001
 POINTS = 2  # of a device, beside its bit
+MORE = 30001 + POINTS  # the object that one configuration has and another has not
 CHANGES_FROM_S = 5.0
 SETTLED_S = 10.0  # without a change, before the end
 
@@ -65,6 +66,7 @@ class Fault:
             "late": f"device {self.of} answers {self.late_s:.3f} s later for {self.for_s:.3f} s",
             "unplugged": f"line {self.of} is unplugged for {self.for_s:.3f} s",
             "step": f"the calendar clock is moved by {self.by_s:.3f} s",
+            "reload": f"configuration {self.of} is loaded",
             "hung": f"the sessions of line {self.of} answer nothing any more",
             "tearing": f"line {self.of} hangs up in the place of answer {self.calls}, for {self.for_s:.3f} s",
             "closing": f"line {self.of} hangs up behind each answer for {self.for_s:.3f} s",
@@ -112,6 +114,30 @@ def field_commands(fault: Fault) -> tuple[str, str]:
 
 
 @dataclass(frozen=True)
+class Configuration:
+    """What of it differs from the others: on each line, so that one is in force whole or not at all."""
+
+    more: bool = False  # a register of each line's first device
+    fewer: bool = False  # without each line's last device
+    ring: int = 4096
+    period_ms: int = PERIOD_MS
+
+    def has(self, unit: int, address: int) -> bool:
+        return not (self.fewer and unit == DEVICES) and (address != MORE or (self.more and unit == 1))
+
+
+CONFIGURATIONS = (
+    Configuration(),
+    Configuration(more=True),
+    Configuration(fewer=True),
+    Configuration(more=True, ring=8192),
+    Configuration(ring=512),
+    Configuration(period_ms=500),
+)
+WHOLE = Configuration(more=True)  # what the devices have
+
+
+@dataclass(frozen=True)
 class Order:
     """The control room commands a register; no value comes twice."""
 
@@ -154,13 +180,19 @@ class World:
     def baud(self, line: int) -> int:
         return SLOW_BAUD if line in self.scanned else BAUD
 
-    def slaves(self, line: int) -> list[dict[str, Any]]:
-        registers = [{"address": place} for place in range(POINTS)]
-        period = {} if line in self.scanned else {"period_ms": PERIOD_MS}
+    def slave(self, line: int, unit: int, configuration: Configuration) -> dict[str, Any]:
+        registers = [
+            {"address": place} for place in range(POINTS + 1) if configuration.has(unit, 30001 + place)
+        ]
+        period = {} if line in self.scanned else {"period_ms": configuration.period_ms}
         objects: dict[str, Any] = {"discrete_inputs": [{"address": 0}], "input_registers": registers}
         if self.orders:
             objects["holding_registers"] = [{"address": 0}]
-        return [{"id": unit, **period, **objects} for unit in range(1, DEVICES + 1)]
+        return {"id": unit, **period, **objects}
+
+    @property
+    def reloads(self) -> list[Fault]:
+        return [fault for fault in self.faults if fault.kind == "reload"]
 
     @property
     def addresses(self) -> list[int]:
@@ -168,17 +200,29 @@ class World:
         read = [10001, *range(30001, 30001 + POINTS)]
         return [*read, ORDERED] if self.orders else read
 
-    def line(self, number: int) -> dict[str, Any]:
+    def line(self, number: int, configuration: Configuration) -> dict[str, Any]:
         if number == NETWORKED:
             medium: dict[str, Any] = {"host": "127.0.0.1", "tcp_port": MODBUS_PORT}
         else:
             medium = {"baud_rate": self.baud(number), "data_bits": 8, "stop_bits": 1, "parity": 0}
-        return {"value": number, "active": 1, **medium, "slaves": self.slaves(number)}
+        units = [unit for unit in range(1, DEVICES + 1) if configuration.has(unit, 30001)]
+        slaves = [self.slave(number, unit, configuration) for unit in units]
+        return {"value": number, "active": 1, **medium, "slaves": slaves}
+
+    def gateway(self, configuration: Configuration) -> dict[str, Any]:
+        station = {"address": "127.0.0.1", "port": PORT}
+        ring = {"event_ring": configuration.ring} if configuration.ring != Configuration().ring else {}
+        ports = [self.line(number, configuration) for number in self.lines]
+        return {"iec104": station, **ring, "port": ports}
 
     @property
-    def gateway(self) -> dict[str, Any]:
-        station = {"address": "127.0.0.1", "port": PORT}
-        return {"iec104": station, "port": [self.line(number) for number in self.lines]}
+    def points(self) -> dict[str, tuple[int, int]]:
+        """Of all configurations: the unit of each, and its information object."""
+        return {
+            f"{line * 1000 + unit}.{address}": (unit, address)
+            for line, unit in self.units
+            for address in [*self.addresses, *([MORE] if self.reloads and unit == 1 else [])]
+        }
 
     @property
     def centre(self) -> dict[str, Any]:
@@ -215,11 +259,16 @@ class World:
             for order in self.orders
         ]
 
+    @property
+    def reloaded(self) -> list[str]:
+        """For who operates the gateway."""
+        return [f"{BEGIN_NS + round(one.at_s * 1e9)} {one.of}" for one in self.reloads]
+
     def plan(self, folder: Path, gateway: Path) -> list[str]:
         """What the runner reads."""
         python = [str(Path(sys.executable).resolve()), "-I", "-S", "-B", str(PARTS)]
         dev, consumer = folder / "dev", folder / "consumer"
-        linesim = [f"{LINESIM}", "--tcp", "--config", f"{folder}/gateway.json", "--dir", f"{dev}"]
+        linesim = [f"{LINESIM}", "--tcp", "--config", f"{folder}/field.json", "--dir", f"{dev}"]
         rtud = [f"{gateway}/rtud/rtud", "--uid-base", "0", "--map", f"{folder}/map", "--dev", f"{dev}"]
         centre = [f"{gateway}/centre/rtu-centre", "--socket", f"{consumer}", f"{folder}/centre.json"]
         programs: dict[str, tuple[float, list[str]]] = {
@@ -235,6 +284,9 @@ class World:
         }
         if self.orders:
             programs["writes"] = (1.5, [*python, "writes", f"{dev}/control"])
+        if self.reloads:
+            rtuctl = f"{gateway}/rtuctl/rtuctl"
+            programs["reload"] = (1.5, [*python, "reload", f"{folder}/map", f"{folder}", rtuctl])
         lines = [["end", f"{self.seconds}"]]
         for name, (at_s, words) in programs.items():
             lines.append(["start", name, f"{at_s}", f"{folder}/{name}.out", f"{folder}/{name}.log", *words])
@@ -288,7 +340,13 @@ class Run:
 def run(world: World, folder: Path, *, traced: bool = True, gateway: Path = GATEWAY) -> Run:
     """Raises PlantError. A trace of a day is long: two GB."""
     (folder / "dev").mkdir(parents=True)
-    (folder / "gateway.json").write_text(json.dumps(world.gateway))
+    (folder / "gateway.json").write_text(json.dumps(world.gateway(CONFIGURATIONS[0])))
+    (folder / "field.json").write_text(
+        json.dumps(world.gateway(WHOLE if world.reloads else CONFIGURATIONS[0]))
+    )
+    for number, configuration in enumerate(CONFIGURATIONS if world.reloads else ()):
+        (folder / f"gateway-{number}.json").write_text(json.dumps(world.gateway(configuration)))
+    (folder / "reloads").write_text("".join(f"{line}\n" for line in world.reloaded))
     (folder / "centre.json").write_text(json.dumps(world.centre))
     (folder / "orders").write_text("".join(f"{order}\n" for order in world.ordered))
     (folder / "script").write_text("\n".join(world.script) + "\n")

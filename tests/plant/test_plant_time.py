@@ -299,6 +299,25 @@ def test_the_calendar_clock_is_set(programs: Path, linesim_program: Path, folder
     assert judge(ran) == []
 
 
+@pytest.fixture(scope="module")
+def reloaded(programs: Path, linesim_program: Path, folder: Path) -> Run:
+    """A register more, and then a device less."""
+    faults = (Fault(20.0, "reload", "1"), Fault(35.0, "reload", "2"))
+    changes = tuple(Change(15.0 + at, "1.1", "input_registers", 2, at + 1) for at in range(0, 30, 4))
+    return run_world(World(2, SECONDS, changes, faults), folder / "reloaded")
+
+
+def test_a_configuration_is_loaded_and_another(reloaded: Run) -> None:
+    assert [line["kind"] for line in reloaded.told("reload")] == ["asked", "in force"] * 2
+    good = {
+        told["at"] // 10**9 - 1000 for told in reloaded.told("consumer") if told.get("point") == "1001.30003"
+    }
+    assert 20 <= min(good) <= max(good) < 40
+    assert answers_between(reloaded, "1.3", 41.0, 55.0) == 0
+    assert answers_between(reloaded, "1.2", 41.0, 55.0) > 20
+    assert judge(reloaded) == []
+
+
 # ---- the judge sees what is wrong ----------------------------------------------------------------------
 
 Lines = list[dict[str, object]]
@@ -434,6 +453,26 @@ def test_the_judge_sees_a_device_that_is_asked_too_seldom(first: Run, tmp_path: 
     assert {violation.rule for violation in judge(spoiled_copy(first, tmp_path, "watch", lines))} == {
         "period"
     }
+
+
+def test_the_judge_sees_a_value_that_is_not_in_the_configuration(reloaded: Run, tmp_path: Path) -> None:
+    lines = reloaded.told("consumer")
+    gone = next(line for line in lines if line.get("point") == "1001.30003" and line["quality"] == 0)
+    late = gone | {"at": 1055 * 10**9, "tag": WALL_NS + 50 * 10**9, "value": 29, "cause": 3}
+    told = judge(spoiled_copy(reloaded, tmp_path, "consumer", [*lines, late]))
+    assert [violation.rule for violation in told] == ["configuration"]
+
+
+def test_the_judge_sees_a_device_that_is_not_in_the_configuration(reloaded: Run, tmp_path: Path) -> None:
+    lines = reloaded.told("watch")
+    lines[-1]["answers"]["1.3"] += 1
+    told = judge(spoiled_copy(reloaded, tmp_path, "watch", lines))
+    assert [violation.rule for violation in told] == ["configuration"]
+
+
+def test_the_judge_sees_a_configuration_that_is_never_whole(reloaded: Run, tmp_path: Path) -> None:
+    told = judge(spoiled_copy(reloaded, tmp_path, "reload", reloaded.told("reload")[:-1]))
+    assert [violation.rule for violation in told] == ["recovery"]
 
 
 def test_the_judge_sees_a_log_that_is_flooded(first: Run, tmp_path: Path) -> None:
