@@ -64,25 +64,28 @@ BOOT_MUTATIONS = [
         "inside a block",
         "&spare { reg = <0x810000 0xdf0800>; };",
         "begins at 0x810000 and ends at 0x1600800, inside an erase block of 0x20000 bytes",
-        also=("partition-overlap",),
+        also=("partition-overlap", "unit-address"),
     ),
     mistake(
         "partition-moved",
         "kernel off the place that the boot command reads",
         "&kernel { reg = <0x220000 0x4e0000>; };",
         "kernel (0x220000 to 0x700000) should begin at 0x200000 and have 0x500000 bytes",
+        also=("unit-address",),
     ),
     mistake(
         "partition-moved",
         "device tree behind it",
         "&tree { reg = <0x720000 0xe0000>; };",
         "should begin at 0x700000 and have 0x100000 bytes",
+        also=("unit-address",),
     ),
     mistake(
         "partition-moved",
         "another place for the root",
         "&rootfs { reg = <0x1800000 0x6280000>; };",
         "0x1600000",
+        also=("unit-address",),
     ),
     mistake(
         "boot-writable",
@@ -96,6 +99,7 @@ BOOT_MUTATIONS = [
         "by a partition that begins too early",
         "&boot { reg = <0x0 0x100000>; }; &spare { reg = <0x100000 0x100000>; };",
         "spare (0x100000 to 0x200000)",
+        also=("unit-address",),
     ),
     mistake(
         "unknown-property",
@@ -134,6 +138,25 @@ BOOT_MUTATIONS = [
         "no compatible",
         "&fmi { partitions { /delete-property/ compatible; }; };",
         "/partitions has 5 partitions, and no compatible",
+    ),
+    mistake(
+        "partitions-unread",
+        "three cells",
+        "&spare { reg = <0x800000 0xe00000 0>; };",
+        "partition@800000 has 3 cells, not 2",
+    ),
+    mistake(
+        "partitions-unread",
+        "no size",
+        "&rootfs { reg = <0x1600000 0>; };",
+        "has size 0, which means up to the end of the flash",
+        also=("partition-moved",),
+    ),
+    mistake(
+        "unit-address",
+        "of a partition",
+        "&spare { reg = <0x820000 0xde0000>; };",
+        "the name of partition@800000 says 800000, but its reg says 820000",
     ),
     mistake(
         "unknown-partition",

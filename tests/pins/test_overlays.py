@@ -185,6 +185,17 @@ def test_an_overlay_is_no_base_and_a_base_alone_no_sum(base: Path, tmp_path: Pat
     assert "is the base; name the overlays behind it" in run("check", "--overlay", base).stderr
 
 
+def test_a_label_of_an_overlay_leaves_the_bases_handle(base: Path, tmp_path: Path) -> None:
+    """Old fdtoverlays overwrite it: then who refers to the node of the base refers to nothing."""
+    mine = "fragment@0 { target = <&gpio>; mine: __overlay__ { lamp { gpios = <&mine 139 0>; }; }; };"
+    tree = applied(read_dtb(base), read_dtb(overlay(tmp_path, "x.dtbo", f"/ {{ {mine} }};")))
+    gpio = read_dtb(base).find("/apb/gpio@b0004000")
+    lamp = tree.find("/apb/gpio@b0004000/lamp")
+    assert gpio and lamp
+    assert tree.by_phandle[gpio.cells("phandle")[0]].name == "gpio@b0004000"
+    assert lamp.cells("gpios")[0] == gpio.cells("phandle")[0]
+
+
 def test_source_of_a_base_has_its_labels(tmp_path: Path) -> None:
     file = write(tmp_path / "board.dts", "")
     with pytest.raises(UnusableInput, match="is no overlay"):

@@ -76,11 +76,16 @@ class _Joint:
     overlay: Tree
 
     def apply(self) -> None:
-        self._number_anew()
+        references = self._number_anew()
         self._resolve_labels()
         places = [
             (fragment, self._target(fragment)) for fragment in self.overlay.root if _is_fragment(fragment)
         ]
+        kept: dict[int, int] = {}
+        for fragment, target in places:
+            kept |= _keep_handles(target, self._body(fragment))
+        for found, place in references:
+            found.set_cell(place, kept.get(found.cell(place), found.cell(place)))
         for fragment, target in places:
             _merge(target, self._body(fragment))
         self._add_labels({fragment.name: target.path for fragment, target in places})
@@ -93,16 +98,18 @@ class _Joint:
 
     # ---- references ------------------------------------------------------------------------------------
 
-    def _number_anew(self) -> None:
-        """Handles of the overlay's own nodes come after the base's."""
+    def _number_anew(self) -> list[tuple[Property, int]]:
+        """Handles of the overlay's own nodes come after the base's. Gives the references to them."""
         offset = max(self.base.by_phandle, default=0)
         for node in self.overlay.root.walk():
             for name in PHANDLES:
                 for value in node.cells(name)[:1]:
                     node.properties[name].set_cell(0, value + offset)
         notes = self.overlay.find("/__local_fixups__")
-        for node, name, place in _local_references(notes, self.overlay.root) if notes else ():
-            self._set(node, name, place, offset, add=True)
+        return [
+            (self._set(node, name, place, offset, add=True), place)
+            for node, name, place in (_local_references(notes, self.overlay.root) if notes else ())
+        ]
 
     def _resolve_labels(self) -> None:
         """Where the overlay refers to a label of the base, it gets the handle of that node."""
@@ -116,14 +123,15 @@ class _Joint:
                     raise self._compile_again(f"__fixups__ has {reference!r}, which is no place")
                 self._set(self.overlay.find(path), name, int(place), handle)
 
-    def _set(self, node: Node | None, name: str, place: int, value: int, *, add: bool = False) -> None:
+    def _set(self, node: Node | None, name: str, place: int, value: int, *, add: bool = False) -> Property:
         found = node.properties.get(name) if node else None
         if found is None or place % CELL or place + CELL > len(found.raw):
             where = f"{node.path}: {name}" if node else name
             raise self._compile_again(
                 f"a note of dtc tells of a reference that is not there ({where}, {place})"
             )
-        found.set_cell(place, value + (int.from_bytes(found.raw[place : place + CELL], "big") if add else 0))
+        found.set_cell(place, value + (found.cell(place) if add else 0))
+        return found
 
     def _handle(self, label: str) -> int:
         symbols = self.base.find("/__symbols__")
@@ -195,6 +203,23 @@ def _local_references(notes: Node, node: Node) -> Iterator[tuple[Node | None, st
     for note in notes:
         if note.name in below:
             yield from _local_references(note, below[note.name])
+
+
+def _keep_handles(target: Node, change: Node) -> dict[int, int]:
+    """
+    Takes away the handles that the overlay has for nodes of the base: a label on __overlay__ makes one. Who
+    refers to the node goes by the base's handle; old fdtoverlays overwrite it (dtc 1.7.2 no more).
+    """
+    kept = {}
+    for name in PHANDLES:
+        if name in target.properties and name in change.properties:
+            kept |= zip(change.cells(name), target.cells(name), strict=False)
+            del change.properties[name]
+    below = {child.name: child for child in target}
+    for child in change:
+        if child.name in below:
+            kept |= _keep_handles(below[child.name], child)
+    return kept
 
 
 def _merge(target: Node, change: Node) -> None:

@@ -42,6 +42,10 @@ class Property:
             return None
         return [int.from_bytes(self.raw[i : i + CELL], "big") for i in range(0, len(self.raw), CELL)]
 
+    def cell(self, offset: int) -> int:
+        """The value of the cell that begins there."""
+        return int.from_bytes(self.raw[offset : offset + CELL], "big")
+
     def set_cell(self, offset: int, value: int) -> None:
         """Another value in the cell that begins there."""
         self.raw = self.raw[:offset] + (value % (1 << 32)).to_bytes(CELL, "big") + self.raw[offset + CELL :]

@@ -52,7 +52,7 @@ def unit_address(context: Context) -> Iterator[Finding]:
         address, unit = address_of(node), unit_number(node)
         if unit is None or address is None or address == unit:
             continue
-        if not on_bus(node) and node.parent not in context.serial_buses:
+        if not (on_bus(node) or node.parent in context.serial_buses or _is_partition(node)):
             continue
         peripheral = context.peripherals.get(node)
         if peripheral and peripheral.address != address:
@@ -68,6 +68,15 @@ def unit_address(context: Context) -> Iterator[Finding]:
             message=f"the name of {node.name} says {unit:x}{owner}, but its reg says {address:x}",
             remedy=f"Rename the node to {node.base_name}@{address:x}, or correct its reg",
         )
+
+
+def _is_partition(node: Node) -> bool:
+    parent = node.parent
+    return (
+        parent is not None
+        and "fixed-partitions" in parent.strings("compatible")
+        and len(node.cells("reg")) == 2
+    )
 
 
 @rule(

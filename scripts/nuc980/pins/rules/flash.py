@@ -285,12 +285,20 @@ def boot_writable(context: Context) -> Iterator[Finding]:
 
 @rule(
     "partitions-unread",
-    "Partitions are in a node that the kernel does not read.",
+    "Partitions are in a node that the kernel does not read, or not as it reads them.",
     "Linux takes partitions from a node that is compatible with fixed-partitions. Without that the flash is "
-    "one piece, and what is looked for by its label is not there.",
+    "one piece, and what is looked for by its label is not there. A partition without a size goes to the end "
+    "of the flash, over those behind it; one with a cell too many has another size, or is left out.",
 )
 def partitions_unread(context: Context) -> Iterator[Finding]:
     for node in context.enabled:
+        for child, fault in _unread(node):
+            yield Finding(
+                "partitions-unread",
+                **at(child, "reg"),
+                message=f"reg of {child.path} {fault}",
+                remedy=f"Write the offset and the size of {child.name} into its reg, a cell each",
+            )
         parts = [child for child in node if child.cells("reg") and "label" in child.properties]
         if node.name == "partitions" and parts and not node.strings("compatible"):
             yield Finding(
@@ -300,6 +308,19 @@ def partitions_unread(context: Context) -> Iterator[Finding]:
                 remedy=f'Set compatible = "{CONTAINER}" in {node.path}',
                 fix=added(f'compatible = "{CONTAINER}";'),
             )
+
+
+def _unread(container: Node) -> Iterator[tuple[Node, str]]:
+    """Partitions of which the kernel reads no size, or another one."""
+    if CONTAINER not in container.strings("compatible"):
+        return
+    wide = sum(next(iter(container.cells(name)), 1) for name in ("#address-cells", "#size-cells"))
+    for child in container:
+        cells = child.cells("reg")
+        if "reg" in child.properties and len(cells) != wide:
+            yield child, f"has {len(cells)} cells, not {wide}"
+        elif cells and not any(cells[next(iter(container.cells("#address-cells")), 1) :]):
+            yield child, "has size 0, which means up to the end of the flash"
 
 
 @rule(
