@@ -109,6 +109,15 @@ def test_proposals(source: Source) -> None:
     assert written("\tx = <1> |") == set()
 
 
+def test_repairs(source: Source) -> None:
+    text = GOOD + "&uart4 {\n\tport-number = <3>;\n\tpdma-enable = <7>;\n};\n"
+    [mark] = [mark for mark in source.marks(text) if mark.rule == "wrong-number"]
+    [(said, line, new)] = source.repairs(text, mark.line)
+    assert (line, new) == (mark.line, "\tport-number = <4>;\n")
+    assert "it must be 4" in said
+    assert source.repairs(text, mark.line + 1) == []
+
+
 # ---- the protocol ------------------------------------------------------------------------------------
 
 
@@ -186,5 +195,14 @@ def test_a_session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             types.CompletionParams(here, types.Position(lines, 1))
         )
         assert "uart1" in {one.label for one in items}
+
+        type_text(4, "&uart4 { port-number = <3>; };\n")
+        await client.said(4)
+        actions = await client.text_document_code_action_async(
+            types.CodeActionParams(
+                here, types.Range(end := types.Position(lines, 0), end), types.CodeActionContext([])
+            )
+        )
+        assert actions[0].edit.changes[uri][0].new_text == "&uart4 { port-number = <4>; };\n"
 
     assert session(work) == 0

@@ -14,7 +14,8 @@ from nuc980.pins.checking import Checker
 from nuc980.pins.chip import pin_order
 from nuc980.pins.claims import PINS, is_group
 from nuc980.pins.explain import explain
-from nuc980.pins.findings import Finding
+from nuc980.pins.findings import Finding, Fix
+from nuc980.pins.fixing import mended_line
 from nuc980.pins.rules.context import cells_of
 from nuc980.pins.rules.properties import known_properties
 from nuc980.pins.source import read_tree
@@ -35,6 +36,8 @@ class Mark:
     rule: str
     message: str
     related: tuple[tuple[Place, str], ...] = ()
+    fix: Fix | None = None  # its one right answer, if that is in this file
+    fixed_line: int = 0  # where, from 0
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,8 @@ class Source:
 
     file: Path
     checker: Checker
-    tree: Tree | None = field(default=None)
+    tree: Tree | None = None
+    last: list[Mark] = field(default_factory=list)  # of that tree
 
     def marks(self, text: str) -> list[Mark]:
         """What a check finds in the text, which need not be saved."""
@@ -66,7 +70,8 @@ class Source:
                 findings = checker.findings(self.tree)
             except UnusableInput as error:
                 return [self._unusable(str(error), copy)]
-            return [self._mark(finding, copy, text) for finding in findings if finding.accepted is None]
+            self.last = [self._mark(one, copy, text) for one in findings if one.accepted is None]
+            return self.last
 
     def _mark(self, finding: Finding, copy: Path, text: str) -> Mark:
         return Mark(
@@ -74,7 +79,22 @@ class Source:
             finding.rule,
             f"{finding.message}. {finding.remedy}.",
             tuple((self._own(one.place, copy), one.wants) for one in finding.claimants if one.place),
+            *self._fix(finding, copy),
         )
+
+    def _fix(self, finding: Finding, copy: Path) -> tuple[Fix | None, int]:
+        place = (finding.fix and finding.fix.place) or finding.place
+        if finding.fix and place and Path(place.file).resolve() == copy.resolve():
+            return finding.fix, place.line - 1
+        return None, 0
+
+    def repairs(self, text: str, line: int) -> list[tuple[str, int, str]]:
+        """For the marks of a line that have one right answer: what it is, its line, and that as it becomes."""
+        answers = [
+            (mark.message, mark.fixed_line, mark.fix) for mark in self.last if mark.line == line and mark.fix
+        ]
+        found = ((said, at, mended_line(text, at + 1, fix)) for said, at, fix in answers)
+        return [(said, at, new) for said, at, new in found if new is not None]
 
     def _own(self, place: Place, copy: Path) -> Place:
         return Place(str(self.file), place.line) if Path(place.file).resolve() == copy.resolve() else place

@@ -90,16 +90,19 @@ def _lines(text: str) -> list[str]:
 
 def _changed(text: str, number: int, fix: Fix) -> str | None:
     """The text with the answer in a line; None: the line is not written as the answer needs it."""
+    new = mended_line(text, number, fix)
+    lines = _lines(text)
+    return None if new is None else "".join([*lines[: number - 1], new, *lines[number:]])
+
+
+def mended_line(text: str, number: int, fix: Fix) -> str | None:
+    """What becomes of a line, with its end: one, two or none; None: it is not written as the answer needs it."""
     lines = _lines(text)
     if not 0 < number <= len(lines):
         return None
-    line = lines[number - 1]
-    new = (
-        _with_statement(line, fix.becomes, _next_indent(lines, number))
-        if fix.name is None
-        else _replaced(line, fix)
-    )
-    return None if new is None else "".join([*lines[: number - 1], new, *lines[number:]])
+    if fix.name is None:
+        return _with_statement(lines[number - 1], fix.becomes, _next_indent(lines, number))
+    return _replaced(lines[number - 1], fix)
 
 
 def _replaced(line: str, fix: Fix) -> str | None:

@@ -60,6 +60,11 @@ def _range(line: int) -> types.Range:
     return types.Range(types.Position(line, 0), types.Position(line, WIDEST))
 
 
+def _whole(line: int) -> types.Range:
+    """With its end."""
+    return types.Range(types.Position(line, 0), types.Position(line + 1, 0))
+
+
 def _location(place: Place) -> types.Location:
     return types.Location(from_fs_path(str(Path(place.file).resolve())) or "", _range(place.line - 1))
 
@@ -117,6 +122,19 @@ def serve(checker: Checker) -> None:
         proposals = editor.source(at.text_document.uri).proposals(editor.line(at), at.position.character)
         return [
             types.CompletionItem(one.shown, detail=one.about, insert_text=one.written) for one in proposals
+        ]
+
+    @server.feature(types.TEXT_DOCUMENT_CODE_ACTION)
+    async def repair(params: types.CodeActionParams) -> list[types.CodeAction]:
+        uri, line = params.text_document.uri, params.range.start.line
+        text = server.workspace.get_text_document(uri).source
+        return [
+            types.CodeAction(
+                f"nuc980-pins: {said}",
+                types.CodeActionKind.QuickFix,
+                edit=types.WorkspaceEdit({uri: [types.TextEdit(_whole(at), new)]}),
+            )
+            for said, at, new in editor.source(uri).repairs(text, line)
         ]
 
     server.start_io()

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Iterable, Iterator, Sequence
 
@@ -145,11 +146,16 @@ def wrong_compatible(context: Context) -> Iterator[Finding]:
             )
 
 
+@functools.cache
+def _near_generic(written: str) -> tuple[str, ...]:
+    return tuple(sorted(name for name in GENERIC if is_one_off(written, name)))
+
+
 def _generic(context: Context) -> Iterator[Finding]:
     """Of nodes that are no blocks of the chip: what is one letter off what the kernel knows."""
     for node in context.enabled:
         strings = node.strings("compatible")
-        nearest = [(has, name) for has in strings for name in GENERIC if is_one_off(has, name)]
+        nearest = [(has, name) for has in strings for name in _near_generic(has)]
         if node not in context.peripherals and nearest and not GENERIC.intersection(strings):
             has, name = nearest[0]
             yield Finding(
