@@ -260,9 +260,15 @@ BOOT_MUTATIONS = [
     ),
     mistake(
         "ecc-beyond-spare",
-        "a strength of others",
+        "less than U-Boot writes with",
         "&fmi { nand-ecc-strength = <4>; };",
-        "corrects 8, 12, 15 and 24",
+        "U-Boot writes with 8, and our driver has no other",
+    ),
+    mistake(
+        "ecc-beyond-spare",
+        "a strength of others",
+        "&fmi { nand-ecc-strength = <6>; };",
+        "corrects 4, 8, 12, 15 and 24",
     ),
     mistake(
         "wrong-console",
@@ -355,6 +361,7 @@ BOOT_MUTATIONS = [
 RIGHT = {
     "as it is": "",
     "command line": chosen('bootargs = "console=tty0 console=ttyS0,115200n8 mem=0x4000000 mem=64M@0";'),
+    "base 8": chosen('bootargs = "mem=0400000000";'),
     "less memory": "/ { memory@0 { reg = <0x0 0x2000000>; }; };",
     "reserved": root(
         "reserved-memory { #address-cells = <1>; #size-cells = <1>; ranges;"

@@ -89,7 +89,7 @@ class Source:
         return None, 0
 
     def repairs(self, text: str, line: int) -> list[tuple[str, int, str]]:
-        """For the marks of a line that have one right answer: what it is, its line, and that as it becomes."""
+        """For each mark of a line with one right answer: what it says, the line, and what becomes of it."""
         answers = [
             (mark.message, mark.fixed_line, mark.fix) for mark in self.last if mark.line == line and mark.fix
         ]

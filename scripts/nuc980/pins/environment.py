@@ -11,6 +11,7 @@ from nuc980.errors import UnusableInput
 
 LARGEST = 1 << 20
 VARIABLE = re.compile(r"\$\{(\w+)\}|\$(\w+)")
+UNITS = {"k": 10, "m": 20, "g": 30}
 DEEPEST = 8  # expansions of a variable by others
 HEX = r"(?:0x)?([0-9a-fA-F]+)"
 READ = re.compile(rf"\bnand read(?:\.\w+)? {HEX} {HEX} {HEX}")  # to memory, from the flash, bytes
@@ -59,6 +60,13 @@ def read_environment(file: Path) -> Environment:
         for found in READ.finditer(value)
     )
     return Environment(str(file), tuple(words), tuple(dict.fromkeys(reads)))
+
+
+def bytes_of(text: str) -> int:
+    """A number as the kernel reads it (memparse): 0x40, 010 with base 8, 64M."""
+    digits = text.rstrip("kKmMgG")
+    base = 16 if digits[:2].lower() == "0x" else 8 if re.fullmatch("0[0-7]+", digits) else 10
+    return int(digits, base) << UNITS.get(text[-1].lower(), 0)
 
 
 def _expanded(value: str, variables: dict[str, str]) -> str:

@@ -96,7 +96,7 @@ def _changed(text: str, number: int, fix: Fix) -> str | None:
 
 
 def mended_line(text: str, number: int, fix: Fix) -> str | None:
-    """What becomes of a line, with its end: one, two or none; None: it is not written as the answer needs it."""
+    """What becomes of a line: one, two or none; None: it is not written as the answer needs it."""
     lines = _lines(text)
     if not 0 < number <= len(lines):
         return None

@@ -7,13 +7,13 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from nuc980.pins.environment import bytes_of
 from nuc980.pins.findings import Claimant, Finding, added, at
 from nuc980.pins.rules.context import Context, grouped, listed, off, rule, switched_off
 from nuc980.pins.rules.properties import is_one_off
 from nuc980.pins.tree import Node
 
-MEMORY_WORD = re.compile(r"mem=(?P<size>0[xX][0-9a-fA-F]+|\d+)(?P<unit>[KkMmGg]?)(?:@.*)?")
-UNITS = {"": 0, "k": 10, "m": 20, "g": 30}
+MEMORY_WORD = re.compile(r"mem=(?P<size>(?:0[xX][0-9a-fA-F]+|\d+)[KkMmGg]?)(?:@.*)?")
 CONSOLE_WORD = re.compile(r"console=(?P<tty>[A-Za-z]+\d*)(?:,.*)?")
 FOREIGN_TTY = re.compile(r"tty(AMA|mxc|O|SAC|PS|HS|STM|LP|MV|UL|SC|AS|MSM|LXU|FIQ|CPM)\d+")
 SERIAL = re.compile(r"serial(\d+)")
@@ -47,7 +47,7 @@ def _memory(context: Context) -> list[Told]:
     for word in context.command_line:
         told = MEMORY_WORD.fullmatch(word)
         if told:
-            size = int(told["size"], 0) << UNITS[told["unit"].lower()]
+            size = bytes_of(told["size"])
             found.append(Told(context.chosen, "bootargs", f"the command line has {word}", size))
     return found
 

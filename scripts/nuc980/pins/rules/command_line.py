@@ -73,9 +73,11 @@ def _root_fault(context: Context, root: str, words: dict[str, str]) -> tuple[str
 
 
 def _is_on(context: Context, label: str) -> bool:
-    """Also fmi with SD0's pins."""
-    if label == "sdh" and any((claim.signal or "").startswith("SD0_") for claim in context.claims):
-        return True
+    """An SD card may also be at fmi, with SD0's pins, or at an SPI bus."""
+    if label == "sdh":
+        by_spi = any("mmc-spi-slot" in node.strings("compatible") for node in context.enabled)
+        if by_spi or any((claim.signal or "").startswith("SD0_") for claim in context.claims):
+            return True
     return any(one.label.startswith(label) for one in context.devices.values())
 
 

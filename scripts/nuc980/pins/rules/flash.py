@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
+from nuc980.pins.environment import bytes_of
 from nuc980.pins.findings import Claimant, Finding, added, at, deleted
 from nuc980.pins.limits import Area, Limits
 from nuc980.pins.rules.context import Context, grouped, listed, rule
@@ -26,9 +27,9 @@ MTDPART = re.compile(
     r"(?P<size>-|(?:0[xX][0-9a-fA-F]+|\d+)[kKmMgG]?)(?:@(?P<offset>(?:0[xX][0-9a-fA-F]+|\d+)[kKmMgG]?))?"
     r"(?:\((?P<label>[^)]*)\))?(?:ro|lk)*"
 )
-SIZES = {"k": 10, "m": 20, "g": 30}
-# Bits that the controller corrects in a step: bytes of parity (the vendor's driver and the boot ROM).
-ECC_BYTES = {8: 15, 12: 23, 15: 29, 24: 45}
+# Bits that the controller corrects in a step: bytes of parity, 15 bits for each (in our driver 15 bytes).
+ECC_BYTES = {bits: (15 * bits + 7) // 8 for bits in (4, 8, 12, 15, 24)}
+OUR_ECC = 8  # bits, of our driver and the factory's U-Boot
 SPARE_SHARE = 32  # of a page's bytes one is spare, at least
 MARKS = 4  # bytes of the spare: bad block, and whether the page is written
 QUAD = ("QSPI0_MOSI1", "QSPI0_MISO1")  # data lines 2 and 3
@@ -189,15 +190,10 @@ def _told_parts(context: Context) -> Iterator[tuple[str, int, int | None]]:
         for told in map(MTDPART.fullmatch, parts.split(",")):
             if told is None:
                 return
-            offset = _bytes(told["offset"]) if told["offset"] else end
-            size = None if told["size"] == "-" else _bytes(told["size"])
+            offset = bytes_of(told["offset"]) if told["offset"] else end
+            size = None if told["size"] == "-" else bytes_of(told["size"])
             yield told["label"] or "", offset, size
             end = offset + (size or 0)
-
-
-def _bytes(text: str) -> int:
-    """As the kernel's memparse."""
-    return int(text.rstrip("kKmMgG"), 0) << SIZES.get(text[-1].lower(), 0)
 
 
 @rule(
@@ -401,6 +397,8 @@ def ecc_beyond_spare(context: Context) -> Iterator[Finding]:
         if not fault and limits and limits.page:
             parity, spare = ECC_BYTES[strength] * (limits.page // step), limits.page // SPARE_SHARE - MARKS
             fault = f"needs {parity} bytes of a page's spare, which has {spare}" if parity > spare else ""
+        if not fault and context.board and strength != OUR_ECC:
+            fault = f"U-Boot writes with {OUR_ECC}, and our driver has no other"
         if fault:
             yield Finding(
                 "ecc-beyond-spare",
