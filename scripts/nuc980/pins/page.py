@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The map of the pins as one HTML file that needs nothing else: picture, search, all about each pin."""
+"""
+The map of the pins as one HTML file that needs nothing else: picture, search, all about each pin; and a try
+of other functions, with the conflicts and the pin table that comes of it.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,7 @@ TEMPLATE = Path(__file__).parent / "templates" / "map.html.j2"
 
 
 def draw_page(chip: Chip, package: Package, uses: Iterable[Use], title: str) -> str:
-    """The page as HTML. What it shows is in its address too: map.html#q=uart3&pin=PD3."""
+    """The page as HTML. What it shows is in its address too: map.html#q=uart3&pin=PD3&try=PE11:1."""
     uses = list(uses)
     svg = draw_map(chip, package, uses, title, table=False)
     # "<" cannot end the script element when it is written as an escape.
@@ -38,6 +41,11 @@ def _pin_data(chip: Chip, package: Package, pin: str, uses: list[Use]) -> dict:
         "number": package.bonded.get(pin),
         "family": family(uses),
         "functions": chip.pins.get(pin, {}),
+        "owners": {
+            signal: owners[0].label
+            for signal in chip.pins.get(pin, {}).values()
+            if (owners := chip.owners(signal))
+        },
         "uses": [{"owner": use.owner, "signal": use.signal, "purpose": use.purpose} for use in uses],
     }
     if pin in chip.pins:
