@@ -232,6 +232,22 @@ BOOT_MUTATIONS = [
         environment=Environment("printenv", reads=(FlashRead(0x200000, 0x600000),)),
     ),
     mistake(
+        "unknown-parameter",
+        "a letter too many",
+        chosen('bootargs = "consoles=ttyS0,115200";'),
+        "consoles=ttyS0,115200; it probably means console",
+    ),
+    mistake(
+        "unknown-parameter", "no root", chosen('bootargs = "rot=/dev/mtdblock4";'), "probably means root"
+    ),
+    mistake(
+        "unknown-partition",
+        "UBI on the boot loader",
+        chosen('bootargs = "ubi.mtd=u-boot root=ubi0:rootfs";'),
+        "nothing of UBI is in u-boot",
+        "Name one of spare, rootfs",
+    ),
+    mistake(
         "cut-command-line",
         "a list",
         chosen('bootargs = "console=ttyS0", "root=/dev/ram0";'),
@@ -361,6 +377,9 @@ BOOT_MUTATIONS = [
 RIGHT = {
     "as it is": "",
     "command line": chosen('bootargs = "console=tty0 console=ttyS0,115200n8 mem=0x4000000 mem=64M@0";'),
+    "parameters of others": chosen(
+        'bootargs = "boot=live ethaddr0=02:00:00:00:00:01 ethaddr1=02:00:00:00:00:02 panic=-1";'
+    ),
     "base 8": chosen('bootargs = "mem=0400000000";'),
     "less memory": "/ { memory@0 { reg = <0x0 0x2000000>; }; };",
     "reserved": root(

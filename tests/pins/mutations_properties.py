@@ -199,6 +199,23 @@ PROPERTY_MUTATIONS += [
         "unknown-property", "other dashes", on("fmi", 'NAND_ECC_algo = "bch";'), ("means nand-ecc-algo",)
     ),
     Mutation(
+        "wrong-reference",
+        "supply that is off",
+        SUPPLY.format("<1>", "<1>").replace("supply {", 'v: supply { status = "disabled";')
+        + I2C_BUS
+        + chip("i2c0", "adc@48", "reg = <0x48>; vdd-supply = <&v>;"),
+        ("vdd-supply of /apb/i2c0@b0080000/adc@48 refers to v, which is disabled",),
+    ),
+    Mutation(
+        "wrong-reference",
+        "supply that is a port",
+        I2C_BUS + chip("i2c0", "adc@48", "reg = <0x48>; vdd-supply = <&uart0>;"),
+        ("uart0, which is no regulator",),
+    ),
+    Mutation(
+        "wrong-value", "cells of the controller", on("gpio", "#gpio-cells = <1>;"), ("takes a line and its",)
+    ),
+    Mutation(
         "wrong-value", "of a lamp", LAMP.format('default-state = "enabled";'), ('one of "on", "off", "keep"',)
     ),
     Mutation("wrong-value", "of RMII", on("emac0", 'phy-mode = "rgmii";'), ("phy-mode of emac0 is rgmii",)),

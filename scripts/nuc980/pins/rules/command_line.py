@@ -8,8 +8,15 @@ from collections.abc import Iterator
 
 from nuc980.pins.findings import Finding, at
 from nuc980.pins.rules.context import Context, rule
+from nuc980.pins.rules.properties import is_one_off
 
 LONGEST = 1024  # bytes with the end (COMMAND_LINE_SIZE of ARM)
+# Long ones: of shorter names too many are one letter away.
+PARAMETERS = (
+    *("console", "earlycon", "initcall_debug", "loglevel", "mtdparts", "nfsroot", "noinitrd", "printk.time"),
+    *("rootdelay", "rootflags", "rootfstype", "rootwait", "ubi.block", "ubi.mtd"),
+)
+ROOT_VALUE = re.compile(r"/dev/|ubi\d|PARTUUID=|LABEL=|UUID=")
 UBI_ROOT = re.compile(r"ubi\d*([:_!].*|$)|/dev/ubi(block)?\d.*")
 
 
@@ -81,4 +88,25 @@ def _is_on(context: Context, label: str) -> bool:
     return any(one.label.startswith(label) for one in context.devices.values())
 
 
-RULES = (cut_command_line, wrong_root)
+@rule(
+    "unknown-parameter",
+    "A word of the command line is one letter off a parameter of the kernel.",
+    "The kernel passes what it does not know on to init, and reports it at best among its first messages.",
+)
+def unknown_parameter(context: Context) -> Iterator[Finding]:
+    names = {word.partition("=")[0] for word in context.command_line}
+    for word in context.command_line:
+        name, _, value = word.partition("=")
+        nearest = [known for known in PARAMETERS if is_one_off(name, known)]
+        if ROOT_VALUE.match(value) and "root" not in names and is_one_off(name, "root"):
+            nearest.append("root")
+        if nearest and name not in PARAMETERS:
+            yield Finding(
+                "unknown-parameter",
+                **at(context.chosen, "bootargs"),
+                message=f"the command line has {word}; it probably means {nearest[0]}",
+                remedy=f"Write {nearest[0]}",
+            )
+
+
+RULES = (cut_command_line, wrong_root, unknown_parameter)

@@ -321,11 +321,15 @@ def _unread(container: Node) -> Iterator[tuple[Node, str]]:
 
 @rule(
     "unknown-partition",
-    "The command line names a partition that the flash does not have.",
+    "The command line names a partition that the flash does not have, or that no UBI can be in.",
     "The kernel waits for its root file system, or panics: the board does not come up.",
 )
 def unknown_partition(context: Context) -> Iterator[Finding]:
-    labels = [one.label for _, partitions in _tables(context) for one in partitions]
+    parts = [one for _, partitions in _tables(context) for one in partitions]
+    labels = [one.label for one in parts]
+    limits = context.board.limits if context.board else None
+    areas = (limits.boot, limits.kernel, limits.device_tree) if limits else ()
+    closed = {area.label for area in areas if area} | {one.label for one in parts if one.read_only}
     if not labels or any(word.startswith("mtdparts=") for word in context.command_line):
         return
     for word in context.command_line:
@@ -333,13 +337,18 @@ def unknown_partition(context: Context) -> Iterator[Finding]:
         if not told:
             continue
         number, name = told["number"] or told["block"], told["name"]
-        if (number and int(number) < len(labels)) or name in labels:
+        label = labels[int(number)] if number and int(number) < len(labels) else name
+        if label not in labels:
+            fault = f"the partitions are {listed(labels)}"
+        elif label in closed and word.startswith("ubi.mtd="):
+            fault = f"nothing of UBI is in {label}"
+        else:
             continue
         yield Finding(
             "unknown-partition",
             **at(context.chosen, "bootargs"),
-            message=f"the command line has {word}; the partitions are {listed(labels)}",
-            remedy=f"Name one of {', '.join(labels)}",
+            message=f"the command line has {word}; {fault}",
+            remedy=f"Name one of {', '.join(one for one in labels if one not in closed)}",
         )
 
 

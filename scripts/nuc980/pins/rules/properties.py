@@ -147,8 +147,8 @@ REFERENCES = {
 
 @rule(
     "wrong-reference",
-    "A node takes a clock, DMA channel, reset, PWM, PHY or converter from a node that has none, or that is "
-    "disabled.",
+    "A node takes a clock, DMA channel, reset, PWM, PHY, converter or supply from a node that has none, or "
+    "that is disabled.",
     "The driver that asks for it fails (-EINVAL), or waits for ever (-EPROBE_DEFER), and the device is "
     "missing. The chip's own devices get their clocks without the tree, and still work.",
 )
@@ -164,6 +164,27 @@ def wrong_reference(context: Context) -> Iterator[Finding]:
                     remedy=f"Make {name} of {context.name(node)} refer to an enabled node with {cells}, or "
                     "delete it",
                 )
+        for name in (one for one in node.properties if one.endswith("-supply")):
+            if fault := _supply_fault(context, node, name):
+                yield Finding(
+                    "wrong-reference",
+                    **at(node, name),
+                    message=f"{name} of {context.name(node)} refers to {fault}",
+                    remedy=f"Make {name} of {context.name(node)} refer to an enabled regulator, or delete it",
+                )
+
+
+def _supply_fault(context: Context, node: Node, name: str) -> str | None:
+    """What is wrong with who supplies a node; None: nothing, or nobody knows what a regulator is there."""
+    for handle in node.cells(name)[:1]:
+        target = context.tree.by_phandle.get(handle)
+        if target is None:
+            return "a node that does not exist"
+        if target in context.peripherals:
+            return f"{context.name(target)}, which is no regulator"
+        if not target.enabled:
+            return f"{context.name(target)}, which {off(target)}"
+    return None
 
 
 def _reference_fault(context: Context, node: Node, name: str, size: str) -> str | None:

@@ -40,6 +40,7 @@ CHOICES = (
     Choice("max-speed", (10, 100), "RMII has 100 Mbit/s", device="emac"),
     Choice("bus-width", (1, 4), "the host has four data lines", device="sdh"),
     Choice("nand-bus-width", (8,), "the controller has eight data lines", device="fmi"),
+    Choice("#gpio-cells", (2,), "its driver takes a line and its flags", device="gpio"),
     Choice("spi-rx-bus-width", (0, 1, 2, 4)),
     Choice("spi-tx-bus-width", (0, 1, 2, 4)),
 )
