@@ -515,6 +515,7 @@ def test_schema_has_no_keyword_of_its_own() -> None:
         "const",
     }
     applied = {
+        "propertyNames",
         "properties",
         "additionalProperties",
         "items",
@@ -536,7 +537,7 @@ def test_schema_has_no_keyword_of_its_own() -> None:
         "minItems",
         "maxItems",
     }
-    numbers = {"minimum", "maximum", "exclusiveMinimum", "multipleOf", "maxProperties"}
+    numbers = {"minimum", "maximum", "exclusiveMinimum", "multipleOf", "minProperties", "maxProperties"}
     used = {word for rule in schemas(SCHEMA) for word in rule}
     assert used <= core | applied | asserted | numbers
 

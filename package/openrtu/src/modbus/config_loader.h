@@ -46,6 +46,7 @@ struct modbus_entry {
 	uint32_t period_ms;                     /* the slave's, for objects without one */
 	bool read_back;                         /* the same */
 	bool named;                             /* by the file */
+	const json_t *names;                    /* of its values, NULL: none; the file's */
 	const char *ln;                         /* its name in IEC 61850, NULL: none; the file's */
 	const char *status[MODBUS_STATUS_BITS]; /* names of status bits, NULL: none; the file's */
 };

@@ -6,6 +6,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "config/meanings.h"
+
 /* What lies between two bits of a double is read with them: one answer of Modbus holds it. */
 #define APART_MAX 1024
 
@@ -37,12 +39,12 @@ static void check_meaning(struct modbus_loader *loader, const struct config_plac
 {
 	for (unsigned key = 0; key < OBJECT_KEYS; key++) {
 		const struct config_place here = modbus_object_key(object, key);
-		const struct modbus_meaning *meaning = &modbus_meanings[key];
+		const struct modbus_applies *applies = &modbus_applies_to[key];
 
-		if (values[key].given && meaning->types != 0 && !(meaning->types & MODBUS_TYPE(type)))
+		if (values[key].given && applies->types != 0 && !(applies->types & MODBUS_TYPE(type)))
 			config_error(loader->report, &here, "has no meaning for type %s",
 				     modbus_type_names[type]);
-		if (values[key].given && meaning->of_commands && !modbus_takes_commands(values, table))
+		if (values[key].given && applies->of_commands && !modbus_takes_commands(values, table))
 			config_error(loader->report, &here, "has no meaning for %s: they cannot be commanded",
 				     modbus_table_names[table]);
 	}
@@ -60,7 +62,7 @@ static void check_write_only(struct modbus_loader *loader, const struct config_p
 	for (unsigned key = 0; values[OBJECT_WRITE_ONLY].integer && key < OBJECT_KEYS; key++) {
 		const struct config_place here = modbus_object_key(object, key);
 
-		if (values[key].given && modbus_meanings[key].of_reading)
+		if (values[key].given && modbus_applies_to[key].of_reading)
 			config_error(loader->report, &here, "has no meaning beside write_only");
 	}
 }
@@ -279,6 +281,14 @@ static void offset_ioa(struct modbus_loader *loader, const struct config_place *
 			     entry->point.ioa, MODBUS_IOA_MAX);
 }
 
+static void check_names(struct modbus_loader *loader, const struct config_place *object,
+			const struct config_value *values, enum map_type type)
+{
+	const struct config_place here = modbus_object_key(object, OBJECT_NAMES);
+
+	config_check_meanings(loader->report, &here, type, values[OBJECT_NAMES].json);
+}
+
 static void check_object(struct modbus_loader *loader, const struct config_place *place,
 			 const struct config_value *values, enum map_type type, enum modbus_table table)
 {
@@ -307,6 +317,8 @@ static void check_object(struct modbus_loader *loader, const struct config_place
 		modbus_check_scheme(loader, place, values, table);
 	if (values[OBJECT_NAME].given)
 		config_check_name(loader->report, &name, values[OBJECT_NAME].text);
+	if (values[OBJECT_NAMES].given && !values[OBJECT_TYPE].wrong)
+		check_names(loader, place, values, type);
 	if (values[OBJECT_PERIOD].given)
 		check_read_key(loader, place, OBJECT_PERIOD);
 	if (values[OBJECT_SCALE_REGISTER].given)
@@ -333,6 +345,7 @@ static void add_entry(struct modbus_loader *loader, const struct config_place *p
 	entry.point.set = (uint16_t)set;
 	if (values[OBJECT_UNIT].given)
 		config_keep_unit(loader->config, &entry.point, values[OBJECT_UNIT].text);
+	entry.names = values[OBJECT_NAMES].given ? values[OBJECT_NAMES].json : NULL;
 	entry.ln = values[OBJECT_LN].given ? values[OBJECT_LN].text : NULL;
 	if (values[OBJECT_DECIMALS].given)
 		entry.point.decimals = (uint8_t)(values[OBJECT_DECIMALS].integer + 1);

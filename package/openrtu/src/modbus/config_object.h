@@ -16,6 +16,7 @@ enum {
 	OBJECT_TYPE,
 	OBJECT_NAME,
 	OBJECT_UNIT,
+	OBJECT_NAMES,
 	OBJECT_DECIMALS,
 	OBJECT_LN,
 	OBJECT_IOA,
@@ -71,13 +72,13 @@ extern const char *const modbus_type_names[];
 	(MODBUS_MEASURED_TYPES | MODBUS_TYPE(MAP_STEP) | MODBUS_TYPE(MAP_BITSTRING) |                        \
 	 MODBUS_TYPE(MAP_COUNTER))
 
-/* Where a key means something. */
-struct modbus_meaning {
-	unsigned types;   /* to an object of one of these; 0: of each */
+/* What a key applies to. */
+struct modbus_applies {
+	unsigned types;   /* objects of one of these; 0: of each */
 	bool of_commands; /* where something can be commanded */
 	bool of_reading;  /* where something is read, or commands go elsewhere */
 };
-extern const struct modbus_meaning modbus_meanings[OBJECT_KEYS];
+extern const struct modbus_applies modbus_applies_to[OBJECT_KEYS];
 
 static inline bool modbus_is_bit_table(enum modbus_table table)
 {

@@ -4,6 +4,7 @@
 
 #include <float.h>
 
+#include "config/meanings.h"
 #include "config/names.h"
 
 const char *const modbus_table_names[MODBUS_TABLES] = {
@@ -57,6 +58,18 @@ const struct config_rule modbus_object_rules[OBJECT_KEYS] = {
     [OBJECT_UNIT] = {"unit", CONFIG_TEXT, .low = 1, .high = 15,
 		     CONFIG_SAYS("Unit of the value, for the list of points, SNMP and IEC 61850.",
 				 .see = "iec61850.md#logical-nodes")},
+    [OBJECT_NAMES] =
+	{CONFIG_KEY_NAMES, CONFIG_OBJECT,
+	 CONFIG_SAYS("What its values are called, by the value sent, an integer. Of all types but normalized "
+		     "and counter. A command gives one of these.",
+		     .see = "configuration.md#names-of-values",
+		     .json = CONFIG_JSON({
+			     "minProperties" : 1,
+			     "maxProperties" : 64,
+			     "propertyNames" : {"pattern" : "^(0|-?[1-9][0-9]{0,9})$"},
+			     "additionalProperties" : {"type" : "string", "minLength" : 1, "maxLength" : 31},
+			     "examples" : [ {"0" : "off", "1" : "on"} ]
+		     }))},
     [OBJECT_DECIMALS] = {"decimals", CONFIG_INTEGER, .low = 0, .high = 7,
 			 CONFIG_SAYS("Of float: decimals of the value as SNMP has it, a whole number.",
 				     .otherwise = 3)},

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* The schema of a slave's objects, in a build with the option schema: what modbus_meanings says, as conditions, and what it cannot say. */
+/* The schema of a slave's objects, in a build with the option schema: what modbus_applies_to says, as conditions, and what it cannot say. */
 #include "modbus/config_object.h"
 
-/* ---- what modbus_meanings says: functions for `add` of a table; false: there is no memory ----- */
+/* ---- what modbus_applies_to says: functions for `add` of a table; false: there is no memory ----- */
 
 /* The member of that name, made if it is not there. NULL: there is no memory. */
 static json_t *member(json_t *object, const char *name, json_t *(*make)(void))
@@ -52,8 +52,8 @@ static json_t *on_condition(json_t *schema, json_t *is, const char *branch)
 static bool is_first_of_its_types(unsigned key, unsigned types)
 {
 	for (unsigned earlier = 0; earlier < key; earlier++)
-		if (modbus_meanings[earlier].types != 0 &&
-		    (modbus_meanings[earlier].types & types) == (modbus_meanings[key].types & types))
+		if (modbus_applies_to[earlier].types != 0 &&
+		    (modbus_applies_to[earlier].types & types) == (modbus_applies_to[key].types & types))
 			return false;
 	return true;
 }
@@ -64,28 +64,28 @@ static bool put_types(json_t *schema, unsigned types, enum map_type usual)
 	bool done = true;
 
 	for (unsigned key = 0; done && key < OBJECT_KEYS; key++) {
-		const unsigned meant = modbus_meanings[key].types & types;
+		const unsigned meant = modbus_applies_to[key].types & types;
 		json_t *where;
 
-		if (modbus_meanings[key].types == 0 || meant == types || !is_first_of_its_types(key, types))
+		if (modbus_applies_to[key].types == 0 || meant == types || !is_first_of_its_types(key, types))
 			continue;
 		where = meant == 0 ? schema : on_condition(schema, is_of(meant, usual), "else");
 		for (unsigned other = key; done && other < OBJECT_KEYS; other++)
-			if (modbus_meanings[other].types != 0 &&
-			    (modbus_meanings[other].types & types) == meant)
+			if (modbus_applies_to[other].types != 0 &&
+			    (modbus_applies_to[other].types & types) == meant)
 				done = forbid(where, other);
 	}
 	return done;
 }
 
 /* Of bits, in a table of bits or in a register: what their type gives no meaning. */
-static bool put_bit_meanings(json_t *schema)
+static bool put_types_of_bits(json_t *schema)
 {
 	return put_types(schema, MODBUS_BIT_TYPES, MAP_SINGLE);
 }
 
 /* The same of what fills registers. */
-static bool put_register_meanings(json_t *schema)
+static bool put_types_of_registers(json_t *schema)
 {
 	return put_types(schema, MODBUS_REGISTER_TYPES, MAP_SCALED);
 }
@@ -99,7 +99,7 @@ static bool put_write_only(json_t *schema)
 	bool done = then != NULL;
 
 	for (unsigned key = 0; done && key < OBJECT_KEYS; key++)
-		if (modbus_meanings[key].of_reading)
+		if (modbus_applies_to[key].of_reading)
 			done = forbid(then, key);
 	return done;
 }
@@ -112,7 +112,7 @@ static bool put_commands(json_t *schema)
 	bool done = otherwise != NULL;
 
 	for (unsigned key = 0; done && key < OBJECT_KEYS; key++)
-		if (modbus_meanings[key].of_commands)
+		if (modbus_applies_to[key].of_commands)
 			done = forbid(otherwise, key);
 	return done;
 }
@@ -142,7 +142,7 @@ CONFIG_TABLE(object_table, .name = "object", .rules = modbus_object_rules, .coun
 		     } ]
 	     }));
 
-/* What modbus_meanings cannot say: how many registers a value has, and what goes beside what. */
+/* What modbus_applies_to cannot say: how many registers a value has, and what goes beside what. */
 CONFIG_TABLE(
     two_registers_table, .name = "two_registers",
     .json = CONFIG_JSON({
@@ -176,7 +176,7 @@ CONFIG_TABLE(four_registers_table, .name = "four_registers",
 		     "properties" :
 			 {"format" : {"enum" : [ "int64", "uint64", "float64", "bcd64", "mod10_64" ]}}
 	     }));
-CONFIG_TABLE(bits_table, .name = "bits", .add = put_bit_meanings, .forms = CONFIG_FORMS(&object_table),
+CONFIG_TABLE(bits_table, .name = "bits", .add = put_types_of_bits, .forms = CONFIG_FORMS(&object_table),
 	     .json = CONFIG_JSON({
 		     "$ref" : "#/$defs/object",
 		     "properties" : {
@@ -197,7 +197,7 @@ CONFIG_TABLE(bits_table, .name = "bits", .add = put_bit_meanings, .forms = CONFI
 		     }
 	     }));
 CONFIG_TABLE(
-    registers_table, .name = "registers", .add = put_register_meanings,
+    registers_table, .name = "registers", .add = put_types_of_registers,
     .forms = CONFIG_FORMS(&object_table, &two_registers_table, &three_registers_table, &four_registers_table),
     .json = CONFIG_JSON({
 	    "$ref" : "#/$defs/object",
@@ -318,7 +318,7 @@ CONFIG_TABLE(
 		    }
 	    ]
     }));
-CONFIG_TABLE(register_bits_table, .name = "register_bits", .add = put_bit_meanings,
+CONFIG_TABLE(register_bits_table, .name = "register_bits", .add = put_types_of_bits,
 	     .forms = CONFIG_FORMS(&object_table),
 	     .json = CONFIG_JSON({
 		     "$ref" : "#/$defs/object",

@@ -4,6 +4,7 @@
 
 #include <stdlib.h>
 
+#include "config/meanings.h"
 #include "config/scanners.h"
 #include "map/map.h"
 #include "modbus/config_loader.h"
@@ -152,6 +153,8 @@ static void keep_points(struct modbus_loader *loader)
 		*(struct modbus_point *)map_next_record(config, MODBUS_POINTS) = entry->wire;
 		if (entry->named)
 			config_keep_name(config, &config->points[i], entry->name);
+		if (entry->names != NULL)
+			config_keep_meanings(loader->report, config, i, entry->names);
 		if (entry->ln != NULL)
 			config_take_ln(loader->files, modbus_entry_place(entry, links), i, entry->ln);
 	}

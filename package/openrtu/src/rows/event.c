@@ -22,6 +22,7 @@ static json_t *change_row(const struct map *map, const struct map_event *event)
 	json_object_set_new(row, "name", rows_point_name(map_config(map), event->point));
 	json_object_set_new(row, "type", json_string(words_type(point->type)));
 	json_object_set_new(row, "value", words_value(point->type, &event->sample.value));
+	rows_set_meaning(row, "meaning", map_config(map), event->point, event->sample.value);
 	if (point->type == MAP_STEP)
 		json_object_set_new(row, "transient", json_boolean(event->sample.detail & 1));
 	json_object_set_new(row, "quality", json_string(quality));

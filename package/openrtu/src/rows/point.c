@@ -2,6 +2,7 @@
 /* Points and their commands. */
 #include "rows/rows.h"
 
+#include "map/meaning.h"
 #include "map/time_ns.h"
 #include "map/type.h"
 #include "rows/words.h"
@@ -29,6 +30,15 @@ json_t *rows_module_name(const struct map *map, uint32_t index)
 	return json_string(module.name);
 }
 
+void rows_set_meaning(json_t *row, const char *key, const struct map_config *config, uint32_t point,
+		      union map_value value)
+{
+	const char *meaning = map_meaning(config, point, value);
+
+	if (*meaning != '\0')
+		json_object_set_new(row, key, json_string(meaning));
+}
+
 json_t *rows_point(const struct map *map, uint32_t index)
 {
 	const struct map_config *config = map_config(map);
@@ -44,6 +54,8 @@ json_t *rows_point(const struct map *map, uint32_t index)
 	json_object_set_new(row, "type", json_string(words_type(point->type)));
 	json_object_set_new(row, "value",
 			    sample.time_ns != 0 ? words_value(point->type, &sample.value) : json_null());
+	if (sample.time_ns != 0)
+		rows_set_meaning(row, "meaning", config, index, sample.value);
 	if (point->type == MAP_STEP)
 		json_object_set_new(row, "transient", json_boolean(sample.detail & 1));
 	json_object_set_new(row, "quality", json_string(quality));
@@ -62,16 +74,19 @@ static void set_present(json_t *row, const struct map *map, uint32_t index)
 	const struct map_point *point = &map_config(map)->points[index];
 	const char *unit = map_unit_of(map_config(map), point);
 	struct map_sample sample = {.quality = MAP_INVALID};
-	char quality[WORDS_SIZE];
+	char quality[WORDS_SIZE], expected[WORDS_LONG_SIZE];
 
 	map_read(map, index, &sample);
 	words_quality(sample.quality, quality);
+	if (sample.time_ns != 0)
+		rows_set_meaning(row, "present_meaning", map_config(map), index, sample.value);
 	json_object_set_new(row, "present",
 			    sample.time_ns != 0 ? words_value(point->type, &sample.value) : json_null());
 	json_object_set_new(row, "quality", json_string(quality));
 	if (*unit != '\0')
 		json_object_set_new(row, "unit", json_string(unit));
-	json_object_set_new(row, "expected", json_string(map_types[point->type].expected));
+	json_object_set_new(row, "expected",
+			    json_string(words_expected_of(map_config(map), index, expected)));
 	if (point->min < point->max) {
 		json_object_set_new(row, "min", json_real(map_shortest(point->min)));
 		json_object_set_new(row, "max", json_real(map_shortest(point->max)));
@@ -92,6 +107,8 @@ json_t *rows_command(const struct map *map, uint32_t index)
 	if (command.result == MAP_RESULT_EXCEPTION)
 		json_object_set_new(row, "exception", json_integer(command.detail));
 	json_object_set_new(row, "value", used ? words_value(point->type, &command.value) : json_null());
+	if (used)
+		rows_set_meaning(row, "meaning", map_config(map), index, command.value);
 	json_object_set_new(row, "age_s", rows_age(command.time_ns));
 	json_object_set_new(row, "requester", used ? rows_module_name(map, command.requester) : json_null());
 	json_object_set_new(row, "select", json_boolean(point->flags & MAP_POINT_SELECT));

@@ -13,6 +13,10 @@
 /* How they are written: an angle needs 10 digits to be read back, a 32-bit float 9. */
 #define ROWS_FORMAT JSON_REAL_PRECISION(10)
 
+/* What a value is called, if it has a name. */
+void rows_set_meaning(json_t *row, const char *key, const struct map_config *config, uint32_t point,
+		      union map_value value);
+
 json_t *rows_point(const struct map *map, uint32_t index);
 /* Of a point that has one. */
 json_t *rows_command(const struct map *map, uint32_t index);

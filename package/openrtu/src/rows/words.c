@@ -9,6 +9,7 @@
 #include <strings.h>
 #include <time.h>
 
+#include "map/meaning.h"
 #include "map/time_ns.h"
 #include "map/type.h"
 
@@ -150,6 +151,19 @@ bool words_angle(const json_t *row, const json_t *value, char *out)
 	return true;
 }
 
+bool words_meaning(const json_t *row, const json_t *value, char *out)
+{
+	const char *meaning = json_string_value(json_object_get(row, "meaning"));
+
+	if (meaning == NULL || value == NULL || value != json_object_get(row, "value"))
+		return false;
+	if (json_is_string(value))
+		snprintf(out, WORDS_SIZE, "%s (%s)", meaning, json_string_value(value));
+	else
+		snprintf(out, WORDS_SIZE, "%s (%.0f)", meaning, json_number_value(value));
+	return true;
+}
+
 static bool is_in_range(enum map_type type, double value)
 {
 	return value >= map_types[type].low && value <= map_types[type].high;
@@ -249,7 +263,29 @@ bool words_parse_value(enum map_type type, const char *text, union map_value *ou
 	return false;
 }
 
-const char *words_expected_value(enum map_type type)
+bool words_parse_point(const struct map_config *config, uint32_t point, const char *text,
+		       union map_value *out)
 {
-	return map_types[type].expected;
+	return words_parse_value((enum map_type)config->points[point].type, text, out) ||
+	       map_meaning_value(config, point, text, out);
+}
+
+/* As many names as there is room for. */
+const char *words_expected_of(const struct map_config *config, uint32_t point, char *out)
+{
+	const struct map_meaning *meanings;
+	const uint32_t count = map_meanings_of(config, point, &meanings);
+	size_t length = 0;
+
+	if (count == 0)
+		snprintf(out, WORDS_LONG_SIZE, "%s", map_types[config->points[point].type].expected);
+	for (uint32_t i = 0; i < count; i++) {
+		const bool fits = length + strlen(meanings[i].text) + sizeof(", …") < WORDS_LONG_SIZE;
+
+		length += (size_t)snprintf(out + length, WORDS_LONG_SIZE - length, "%s%s", i == 0 ? "" : ", ",
+					   fits ? meanings[i].text : "…");
+		if (!fits)
+			break;
+	}
+	return out;
 }

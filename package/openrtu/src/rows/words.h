@@ -11,7 +11,8 @@
 
 #include "map/map.h"
 
-#define WORDS_SIZE 64 /* of every text made here, terminator included */
+#define WORDS_SIZE      64  /* of every text made here, terminator included, */
+#define WORDS_LONG_SIZE 256 /* but for this one */
 
 const char *words_type(enum map_type type);
 const char *words_module_state(enum map_module_state state);
@@ -35,9 +36,14 @@ void words_time_us(int64_t wall_ns, char *out);
 json_t *words_value(enum map_type type, const union map_value *value);
 /* The "value" of a row of "type" angle as text, with all its decimals. False: this value of the row is none. */
 bool words_angle(const json_t *row, const json_t *value, char *out);
+/* The "value" of a row that has a "meaning", as "heating (3)". False: this value of the row is none. */
+bool words_meaning(const json_t *row, const json_t *value, char *out);
+/* The value of a point as people give it: as its type has it, or by its name. */
+bool words_parse_point(const struct map_config *config, uint32_t point, const char *text,
+		       union map_value *out);
+/* What that takes; out: WORDS_LONG_SIZE octets. Returns out. */
+const char *words_expected_of(const struct map_config *config, uint32_t point, char *out);
 /* The reverse, for commands. False when the text is no value of the type. */
 bool words_parse_value(enum map_type type, const char *text, union map_value *out);
-/* What words_parse_value takes, for the message when it does not. */
-const char *words_expected_value(enum map_type type);
 
 #endif

@@ -33,10 +33,10 @@ static void print_change(const json_t *row)
 {
 	const json_t *value = json_object_get(row, "value");
 	char *number = json_dumps(value, JSON_ENCODE_ANY | JSON_REAL_PRECISION(7));
-	char angle[WORDS_SIZE];
-	const char *text = json_is_string(value)            ? json_string_value(value)
-			   : words_angle(row, value, angle) ? angle
-							    : number;
+	char shown[WORDS_SIZE];
+	const char *text = words_meaning(row, value, shown) || words_angle(row, value, shown) ? shown
+			   : json_is_string(value) ? json_string_value(value)
+						   : number;
 
 	printf("%s  %s = %s  %s%s", text_of(row, "time"), text_of(row, "name"), text, text_of(row, "quality"),
 	       json_is_true(json_object_get(row, "transient")) ? ",transient" : "");

@@ -139,21 +139,23 @@ static int finish(const struct map *map, const struct map_request *request, cons
 
 int rtuctl_force(struct map *map, const struct rtuctl_request *arguments)
 {
+	const struct map_config *config = map_config(map);
 	const char *name = arguments->arguments[0], *value = arguments->arguments[1];
 	struct map_request request = {.action = MAP_FORCE, .session = map_epoch(map)};
+	char expected[WORDS_LONG_SIZE];
 	enum map_type type;
 	int64_t hold_s = 0;
 	int result;
 
 	if (!find_forceable(map, name, &request.point))
 		return RTUCTL_FAILED;
-	type = map_config(map)->points[request.point].type;
-	if (!words_parse_value(type, value, &request.value)) {
+	type = config->points[request.point].type;
+	if (!words_parse_point(config, request.point, value, &request.value)) {
 		fprintf(stderr, "rtuctl: \"%s\" is not a value of type %s, expected %s\n", value,
-			words_type(type), words_expected_value(type));
+			words_type(type), words_expected_of(config, request.point, expected));
 		return RTUCTL_USAGE;
 	}
-	result = find_duration(map_config(map), arguments->duration, &hold_s);
+	result = find_duration(config, arguments->duration, &hold_s);
 	if (result != RTUCTL_DONE)
 		return result;
 	request.hold_ms = hold_s * MS_PER_S;

@@ -36,7 +36,7 @@ static char *cell_text(const json_t *row, const json_t *value, enum listing_form
 {
 	char text[WORDS_SIZE] = "-";
 
-	if (words_angle(row, value, text))
+	if (words_angle(row, value, text) || words_meaning(row, value, text))
 		return need(strdup(text));
 	if (json_is_string(value))
 		return need(strdup(json_string_value(value)));

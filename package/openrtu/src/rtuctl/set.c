@@ -168,14 +168,15 @@ int rtuctl_set(struct map *map, const struct rtuctl_request *arguments)
 	const struct map_config *config = map_config(map);
 	const char *name = arguments->arguments[0], *value = arguments->arguments[1];
 	struct map_request request = {0};
+	char expected[WORDS_LONG_SIZE];
 	enum map_type type;
 
 	if (!name_point(map, name, &request))
 		return RTUCTL_FAILED;
 	type = config->points[request.point].type;
-	if (!words_parse_value(type, value, &request.value)) {
+	if (!words_parse_point(config, request.point, value, &request.value)) {
 		fprintf(stderr, "rtuctl: \"%s\" is not a value of type %s, expected %s\n", value,
-			words_type(type), words_expected_value(type));
+			words_type(type), words_expected_of(config, request.point, expected));
 		return RTUCTL_USAGE;
 	}
 	if (arguments->pulse != NULL) {

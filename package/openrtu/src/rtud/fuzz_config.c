@@ -9,6 +9,7 @@
 
 #include "fuzz/target.h"
 #include "iec104/config.h"
+#include "map/meaning.h"
 #include "modbus/config.h"
 #include "rtud/config.h"
 
@@ -57,6 +58,19 @@ static void check_keeps(const struct map_config *config)
 		CHECK(keeps[i].point < map_record_count(config, MODBUS_POINTS));
 		CHECK(i == 0 || keeps[i].point >= keeps[i - 1].point);
 		CHECK(config->points[keeps[i].point].flags & MAP_POINT_COMMAND);
+	}
+}
+
+static void check_meanings(const struct map_config *config)
+{
+	const struct map_meaning *meanings = map_records(config, MAP_MEANINGS, sizeof(*meanings));
+
+	for (uint32_t i = 0; i < map_record_count(config, MAP_MEANINGS); i++) {
+		CHECK(meanings[i].point < config->point_count);
+		CHECK(memchr(meanings[i].text, '\0', sizeof(meanings[i].text)) != NULL);
+		CHECK(i == 0 || meanings[i].point > meanings[i - 1].point ||
+		      (meanings[i].point == meanings[i - 1].point &&
+		       meanings[i].number > meanings[i - 1].number));
 	}
 }
 
@@ -112,6 +126,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 		check_settings(&config);
 		check_order(&config);
 		check_keeps(&config);
+		check_meanings(&config);
 	} else {
 		CHECK(ftell(messages) > before); /* nothing is refused without a reason */
 		CHECK(config.points == NULL && config.point_count == 0);

@@ -3,6 +3,7 @@
 
 #include <stddef.h>
 
+#include "map/meaning.h"
 #include "map/time_ns.h"
 
 static const struct map_point *point_of(const struct commands *commands, uint32_t point)
@@ -252,6 +253,9 @@ static void begin(struct commands *commands, const struct map_request *request)
 	result = operation_begin(point_of(commands, request->point), &wire,
 				 modbus_knots(map_config(commands->map)), commands->exponents[request->point],
 				 unit_of(commands, request->point), request, &last, &begun.operation);
+	if (result == MAP_RESULT_NONE && request->step == 0 &&
+	    !map_meaning_allows(map_config(commands->map), request->point, request->value))
+		result = MAP_RESULT_OUT_OF_RANGE;
 	if (result == MAP_RESULT_NONE && !write_next(commands, &begun, request->deadline_ns))
 		result = MAP_RESULT_TIMEOUT;
 	if (result == MAP_RESULT_NONE)

@@ -208,12 +208,13 @@ static struct http_answer begin(struct http_site *site, const struct http_reques
 	struct map_request wish = {
 	    .point = find_point(config, name), .action = action, .session = request->session->number};
 	struct order *order = place_of_order();
+	char expected[WORDS_LONG_SIZE];
 
 	if (wish.point == MAP_NONE || !(config->points[wish.point].flags & MAP_POINT_COMMAND))
 		return answer_refusal(MHD_HTTP_NOT_FOUND, "unknown", "there is no such command");
-	if (!words_parse_value(config->points[wish.point].type, value, &wish.value))
+	if (!words_parse_point(config, wish.point, value, &wish.value))
 		return answer_refusal(MHD_HTTP_BAD_REQUEST, "value",
-				      words_expected_value(config->points[wish.point].type));
+				      words_expected_of(config, wish.point, expected));
 	if (order == NULL)
 		return answer_refusal(MHD_HTTP_SERVICE_UNAVAILABLE, "busy", "too many commands wait");
 	*order = (struct order){.number = ++last_number,

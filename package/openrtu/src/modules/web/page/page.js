@@ -80,7 +80,7 @@ function qualityOf(row) {
 function value(row) {
   if (row.value === null || row.value === undefined) return "–";
   if (typeof row.value === "object") return JSON.stringify(row.value);
-  return String(row.value);
+  return row.meaning ? `${row.meaning} (${row.value})` : String(row.value);
 }
 
 const withUnit = (shown, row) => (row.unit && shown !== "–" ? `${shown} ${row.unit}` : shown);
@@ -169,7 +169,7 @@ const rowNamed = (name) => newest.find((row) => row.name === name);
 // The point's value as long as the dialogue is open.
 function showNow(name) {
   const row = rowNamed(name);
-  if (row) $("now").replaceChildren(withUnit(value({ value: row.present }), row), " ", qualityOf(row).make());
+  if (row) $("now").replaceChildren(withUnit(value({ value: row.present, meaning: row.present_meaning }), row), " ", qualityOf(row).make());
 }
 
 function openCommand(row) {

@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* Which keys of an object mean something for which types, for commands, for what is read: for who reads a file, and for its schema. */
+/* Which keys of an object apply to which types, to commands, to what is read: for who reads a file, and for its schema. */
 #include "modbus/config_object.h"
 
 #define NOT_COUNTER  (~MODBUS_TYPE(MAP_COUNTER))
 #define OF_ONE_WRITE (NOT_COUNTER & ~MODBUS_TYPE(MAP_DOUBLE)) /* a double may be two */
 
-const struct modbus_meaning modbus_meanings[OBJECT_KEYS] = {
+const struct modbus_applies modbus_applies_to[OBJECT_KEYS] = {
+    [OBJECT_NAMES] = {.types = NOT_COUNTER & ~MODBUS_TYPE(MAP_NORMALIZED)},
     [OBJECT_DECIMALS] = {.types = MODBUS_TYPE(MAP_FLOAT)},
     [OBJECT_SELECT] = {.of_commands = true},
     [OBJECT_SIGNED] = {.types = MODBUS_TYPE(MAP_NORMALIZED) | MODBUS_TYPE(MAP_SCALED)},

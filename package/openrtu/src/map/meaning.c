@@ -1,0 +1,64 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "map/meaning.h"
+
+#include <string.h>
+
+#include "map/type.h"
+
+static enum map_type type_of(const struct map_config *config, uint32_t point)
+{
+	return (enum map_type)config->points[point].type;
+}
+
+uint32_t map_meanings_of(const struct map_config *config, uint32_t point, const struct map_meaning **first)
+{
+	const struct map_meaning *meanings = map_records(config, MAP_MEANINGS, sizeof(*meanings));
+	const uint32_t all = meanings == NULL ? 0 : map_record_count(config, MAP_MEANINGS);
+	uint32_t low = 0, high = all, count = 0;
+
+	while (low < high) {
+		const uint32_t middle = low + (high - low) / 2;
+
+		if (meanings[middle].point < point)
+			low = middle + 1;
+		else
+			high = middle;
+	}
+	*first = meanings == NULL ? NULL : meanings + low;
+	while (low + count < all && meanings[low + count].point == point)
+		count++;
+	return count;
+}
+
+const char *map_meaning(const struct map_config *config, uint32_t point, union map_value value)
+{
+	const struct map_meaning *meanings;
+	const uint32_t count = map_meanings_of(config, point, &meanings);
+
+	for (uint32_t i = 0; i < count; i++) {
+		const double number = map_number(type_of(config, point), value);
+
+		if (!(number < meanings[i].number) && !(number > meanings[i].number) && number == number)
+			return meanings[i].text;
+	}
+	return "";
+}
+
+bool map_meaning_value(const struct map_config *config, uint32_t point, const char *text,
+		       union map_value *out)
+{
+	const struct map_meaning *meanings;
+	const uint32_t count = map_meanings_of(config, point, &meanings);
+
+	for (uint32_t i = 0; i < count; i++)
+		if (strcmp(meanings[i].text, text) == 0)
+			return map_value_of(type_of(config, point), meanings[i].number, out);
+	return false;
+}
+
+bool map_meaning_allows(const struct map_config *config, uint32_t point, union map_value value)
+{
+	const struct map_meaning *meanings;
+
+	return map_meanings_of(config, point, &meanings) == 0 || map_meaning(config, point, value)[0] != '\0';
+}
