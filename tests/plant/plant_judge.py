@@ -148,7 +148,7 @@ class History:
         for line in self.run.told("consumer"):
             if line["kind"] == "order":
                 ordered[line["order"]] = []
-            elif line["kind"] == "progress" and line["order"] in ordered:
+            elif line["kind"] == "progress":
                 ordered[line["order"]].append((seconds(line["at"]), line["state"], line["result"]))
         return ordered
 

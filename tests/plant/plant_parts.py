@@ -52,7 +52,8 @@ def tell_record(record: bytes) -> None:
         say(kind="link", state=record[LAST_OCTET])
     if record[0] == KIND_PROGRESS:
         state, result, order = PROGRESS.unpack(record)
-        say(kind="progress", order=order, state=state, result=result)
+        if order:  # else it is rtu-centre's own
+            say(kind="progress", order=order, state=state, result=result)
     if record[0] != KIND_INFORMATION:
         return
     fields = INFORMATION.unpack(record)

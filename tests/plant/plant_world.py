@@ -229,12 +229,10 @@ class World:
         addresses = [line * 1000 + unit for line, unit in self.units]
         station = {"name": "rtu", "address": "127.0.0.1", "port": PORT, "common_addresses": addresses}
         period_s = 0 if self.seed % 2 else 20  # 0: what was missed once no later interrogation brings
-        return {
-            "stations": [{**station, "interrogation_s": period_s}],
-            "retry_ms": 500,
-            "retry_max_ms": 2000,
-            "t2": 5,
-        }
+        times = {"retry_ms": 500, "retry_max_ms": 2000}
+        if self.links:
+            times["t2"] = 5  # with its way an acknowledgement comes before t1
+        return {"stations": [{**station, "interrogation_s": period_s}], **times}
 
     @property
     def script(self) -> list[str]:

@@ -126,10 +126,10 @@ def test_what_must_hold_on_lines_of_a_busy_host(
 
 @pytest.mark.slow
 def test_a_world_far_away_is_one_trace(programs: Path, linesim_program: Path, folder: Path) -> None:
-    world = far(4, SHORT_S, fault_every_s=5.0)
+    world = far(14, 100.0, fault_every_s=3.0)
+    assert {"cut", "hung", "kill", "reload", "step"} <= {fault.kind for fault in world.faults}
     first = run_world(world, folder / "far")
-    with busy_processes(BUSY):
-        assert run_world(world, folder / "far-busy").trace == first.trace
+    assert run_world(world, folder / "far-again").trace == first.trace
 
 
 @pytest.mark.slow
@@ -416,7 +416,7 @@ def without_an_end(lines: Lines) -> None:
 
 
 def test_commands_are_executed_and_answered(commanded: Run) -> None:
-    ends = [line for line in commanded.told("consumer") if line.get("state") == 9 and line["order"] > 0]
+    ends = [line for line in commanded.told("consumer") if line.get("state") == 9]
     assert len(ends) > 5
     assert judge(commanded) == []
 
