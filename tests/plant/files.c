@@ -25,7 +25,10 @@ static enum fd_kind kind_of_character(dev_t device)
 	return is_terminal ? FD_TERMINAL : FD_FILE;
 }
 
-enum fd_kind files_kind(int fd)
+/* Of sockets and terminals, which nothing closes but close(): the kernel is asked once. FD_FILE: it is asked. */
+static enum fd_kind known_kinds[CLIENT_FDS];
+
+static enum fd_kind look_at_kind(int fd)
 {
 	const int error = errno;
 	struct stat status;
@@ -37,6 +40,22 @@ enum fd_kind files_kind(int fd)
 	if (S_ISSOCK(status.st_mode))
 		return FD_SOCKET;
 	return S_ISCHR(status.st_mode) ? kind_of_character(status.st_rdev) : FD_OTHER;
+}
+
+enum fd_kind files_kind(int fd)
+{
+	enum fd_kind kind;
+
+	if (fd < 0 || fd >= CLIENT_FDS)
+		return look_at_kind(fd);
+	if (timer_is(fd))
+		return FD_OTHER;
+	if (known_kinds[fd] != FD_FILE)
+		return known_kinds[fd];
+	kind = look_at_kind(fd);
+	if (kind == FD_SOCKET || kind == FD_TERMINAL)
+		known_kinds[fd] = kind;
+	return kind;
 }
 
 /* FNV-1a: a trace that is the same tells that the octets are. Those of a pipe are none of others': rtud's filters name its pid. */
@@ -302,6 +321,8 @@ static void forget(int fd)
 	epoll_forget(fd);
 	timer_forget(fd);
 	network_forget(fd);
+	if (fd >= 0 && fd < CLIENT_FDS)
+		known_kinds[fd] = FD_FILE;
 }
 
 void files_forget(unsigned first, unsigned last)
@@ -313,12 +334,15 @@ void files_forget(unsigned first, unsigned last)
 
 int close(int fd)
 {
+	enum fd_kind kind;
+
 	client_begin();
 	if (!plant)
 		return real.close(fd);
+	kind = files_kind(fd);
 	network_close(fd);
 	forget(fd);
-	if (files_kind(fd) != FD_FILE) {
+	if (kind != FD_FILE) {
 		client_call();
 		client_tell("close %d", fd);
 		client_changes();
