@@ -82,6 +82,7 @@ class LineSim:
         silence_us: int | None = None,
         trace: bool = True,
         serves_tcp: bool = False,
+        whole: bool = False,
         program: Path | None = None,
     ) -> None:
         self.directory = directory
@@ -93,8 +94,7 @@ class LineSim:
             self._arguments += ["--latency", str(latency_us)]
         if silence_us is not None:
             self._arguments += ["--silence", str(silence_us)]
-        if serves_tcp:
-            self._arguments.append("--tcp")
+        self._arguments += [*(["--tcp"] if serves_tcp else []), *(["--whole"] if whole else [])]
         self._trace = trace
         self._process: subprocess.Popen[str] | None = None
         self._socket: socket.socket | None = None

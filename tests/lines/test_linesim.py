@@ -8,6 +8,7 @@ import json
 import os
 import random
 import re
+import select
 import signal
 import socket
 import struct
@@ -112,6 +113,16 @@ def wait_until(condition: Callable[[], bool], timeout: float = 20.0) -> None:
     while not condition():
         assert time.monotonic() < deadline, "it did not happen in time"
         time.sleep(0.005)
+
+
+def test_an_answer_comes_at_once_if_it_shall(linesim_program: Path, tmp_path: Path) -> None:
+    request, _, answer = FIGURE_5_4[0]
+    with LineSim(CONFIG, VALUES, tmp_path / "lines", whole=True, program=linesim_program) as sim:
+        port = Master(sim.line("ttyS3")).port
+        port.write(bytes(request))
+        select.select([port.fileno()], [], [])
+        assert list(os.read(port.fileno(), 300)) == answer
+        port.close()
 
 
 def send_and_hear_nothing(sim: LineSim, master: Master, frame: bytes) -> None:

@@ -400,7 +400,7 @@ static int64_t request_complete_ns(const struct line *line)
 static int64_t next_bytes_ns(const struct line *line)
 {
 	const size_t size = line->sending.answer.size;
-	const size_t few = 1 + (size_t)(SHORTEST_WAIT_NS / line->char_ns);
+	const size_t few = line->whole ? size : 1 + (size_t)(SHORTEST_WAIT_NS / line->char_ns);
 	const size_t end = line->sending.sent + few;
 
 	if (!size)

@@ -61,6 +61,7 @@ struct line {
 	struct loop_source pty;
 	int far_end; /* the pty's slave side, kept open: without it a master that closes hangs the line up */
 	struct loop_source closings; /* inotify: a master closed the port */
+	bool whole;                  /* an answer is written at its end, and not byte by byte */
 	bool unplugged;
 	int64_t jammed_ns; /* until when what jams the line has been written, 0: nothing does */
 	uint32_t random;

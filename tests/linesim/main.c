@@ -25,11 +25,12 @@ struct options {
 	int64_t latency_ns;
 	int64_t silence_ns;
 	bool serves_tcp;
+	bool whole;
 };
 
 static const char help[] =
     "usage: linesim --config FILE [--values FILE] --dir DIR [--latency US] [--silence US] [--tcp]\n          "
-    "     [--trace]\n"
+    "     [--whole] [--trace]\n"
     "\n"
     "Simulates the Modbus RTU slaves that a gateway's configuration file describes, one pty a line.\n"
     "\n"
@@ -39,6 +40,7 @@ static const char help[] =
     "  --latency US   from the end of a request to the answer, microseconds, default 2000\n"
     "  --silence US   least silence that ends a request, microseconds, default 3.5 characters\n"
     "  --tcp          serves the ports with a host, too, which is an address of this machine\n"
+    "  --whole        writes an answer when its last byte has ended, and not byte by byte\n"
     "  --trace        writes the frame log to standard output\n"
     "  --version      prints the version\n"
     "\n"
@@ -55,11 +57,17 @@ static enum exit_code complain(enum exit_code code, const char *subject, const c
 static enum exit_code parse_options(int count, char **words, struct options *options)
 {
 	static const struct option known[] = {
-	    {"config", required_argument, NULL, 'c'},  {"values", required_argument, NULL, 'v'},
-	    {"dir", required_argument, NULL, 'd'},     {"trace", no_argument, NULL, 't'},
-	    {"tcp", no_argument, NULL, 'p'},           {"latency", required_argument, NULL, 'l'},
-	    {"silence", required_argument, NULL, 's'}, {"help", no_argument, NULL, 'h'},
-	    {"version", no_argument, NULL, 'V'},       {NULL, 0, NULL, 0},
+	    {"config", required_argument, NULL, 'c'},
+	    {"values", required_argument, NULL, 'v'},
+	    {"dir", required_argument, NULL, 'd'},
+	    {"trace", no_argument, NULL, 't'},
+	    {"whole", no_argument, NULL, 'w'},
+	    {"tcp", no_argument, NULL, 'p'},
+	    {"latency", required_argument, NULL, 'l'},
+	    {"silence", required_argument, NULL, 's'},
+	    {"help", no_argument, NULL, 'h'},
+	    {"version", no_argument, NULL, 'V'},
+	    {NULL, 0, NULL, 0},
 	};
 	long latency_us = LATENCY_US, silence_us = 0;
 	int option;
@@ -77,6 +85,9 @@ static enum exit_code parse_options(int count, char **words, struct options *opt
 			break;
 		case 't':
 			trace_to_stdout();
+			break;
+		case 'w':
+			options->whole = true;
 			break;
 		case 'p':
 			options->serves_tcp = true;
@@ -110,6 +121,12 @@ static enum exit_code parse_options(int count, char **words, struct options *opt
 	return DONE;
 }
 
+static void take_options(struct line *line, const struct options *options)
+{
+	line->whole = options->whole;
+	line_set_silence(line, options->silence_ns);
+}
+
 static enum exit_code load_plant(const struct options *options)
 {
 	char error[PLANT_ERROR_SIZE];
@@ -117,7 +134,7 @@ static enum exit_code load_plant(const struct options *options)
 	if (plant_load_config(&plant, options->config, options->latency_ns, options->serves_tcp, error))
 		return complain(WRONG_USAGE, options->config, error);
 	for (size_t i = 0; i < plant.line_count; i++)
-		line_set_silence(&plant.lines[i], options->silence_ns);
+		take_options(&plant.lines[i], options);
 	if (options->values && plant_load_values(&plant, options->values, error))
 		return complain(WRONG_USAGE, options->values, error);
 	return DONE;

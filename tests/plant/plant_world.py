@@ -266,7 +266,7 @@ class World:
         """What the runner reads."""
         python = [str(Path(sys.executable).resolve()), "-I", "-S", "-B", str(PARTS)]
         dev, consumer = folder / "dev", folder / "consumer"
-        linesim = [f"{LINESIM}", "--tcp", "--config", f"{folder}/field.json", "--dir", f"{dev}"]
+        linesim = [f"{LINESIM}", "--tcp", "--whole", "--config", f"{folder}/field.json", "--dir", f"{dev}"]
         rtud = [f"{gateway}/rtud/rtud", "--uid-base", "0", "--map", f"{folder}/map", "--dev", f"{dev}"]
         centre = [f"{gateway}/centre/rtu-centre", "--socket", f"{consumer}", f"{folder}/centre.json"]
         programs: dict[str, tuple[float, list[str]]] = {
