@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from mutations_boot import BOOT
-from test_cli import DONE, FOUND, UNUSABLE, run, write
+from program import DONE, FOUND, UNUSABLE, run, write
 from trees import ROOT
 
 DTS = ROOT / "dts/nuvoton/nuc980-gateway.dts"

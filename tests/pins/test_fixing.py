@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from mutations_boot import BOOT
-from test_cli import DONE, FOUND, SD_HOST_ON, UNUSABLE, compiled, run, write
+from program import DONE, FOUND, SD_HOST_ON, UNUSABLE, compiled, run, write
 
 I2C = "&pinctrl { i2c1 { i2c1_pins: i2c1-pins { nuvoton,pins = <1 4 2 0>, <1 6 2 0>; }; }; };\n"
 BUS = """&i2c1 {

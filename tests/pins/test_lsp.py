@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 from lsprotocol import types
+from program import SD_HOST_ON, write
 from pygls.lsp.client import LanguageClient
-from test_cli import SD_HOST_ON, write
 from trees import CHIP, ROOT, TABLE, gateway
 
 from nuc980.pins.board import load_board

@@ -7,15 +7,15 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from test_cli import DONE, FOUND, UNUSABLE, run, write
-from trees import CHIP, gateway, soc
+from program import DONE, FOUND, UNUSABLE, run, write
+from trees import CHIP, content, gateway, soc
 
 from nuc980.errors import UnusableInput
 from nuc980.pins.dtb import read_dtb
 from nuc980.pins.overlays import applied, check_overlays
 from nuc980.pins.rules import check
 from nuc980.pins.source import read_any, read_source
-from nuc980.pins.tree import Node, Tree
+from nuc980.pins.tree import Tree
 
 PLUGIN = "/dts-v1/;\n/plugin/;\n"
 CLOCK = """
@@ -51,12 +51,6 @@ def base(tmp_path: Path) -> Path:
 
 def overlay(folder: Path, name: str, text: str) -> Path:
     return compiled(folder, name, PLUGIN + text)
-
-
-def content(node: Node) -> dict[str, dict[str, bytes]]:
-    """All of a tree, dtc's notes as well, in any order."""
-    own = {node.path: {name: found.raw for name, found in node.properties.items()}}
-    return own | {path: values for child in node for path, values in content(child).items()}
 
 
 def findings(base: Tree, *overlays: Tree) -> list[list[str]]:

@@ -9,8 +9,8 @@ from itertools import combinations
 from pathlib import Path
 
 import pytest
-from test_cli import DONE, ROOT, UNUSABLE, run
-from trees import CHIP, TABLE
+from program import DONE, UNUSABLE, run
+from trees import CHIP, ROOT, TABLE
 
 from nuc980.errors import UnusableInput
 from nuc980.pins.board import load_board

@@ -9,9 +9,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from test_cli import DONE, FOUND, UNUSABLE, run
-from test_overlays import content
-from trees import ROOT
+from program import DONE, FOUND, UNUSABLE, run
+from trees import ROOT, content
 
 from nuc980.pins.dtb import flattened, parse_dtb
 from nuc980.pins.schemas import _findings

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 import yaml
-from test_cli import DONE, ROOT, run
-from trees import CHIP, TABLE
+from program import DONE, run
+from trees import CHIP, ROOT, TABLE
 
 from nuc980.pins.board import load_board
 

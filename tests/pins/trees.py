@@ -140,6 +140,12 @@ def read(folder: Path, text: str, soc_more: str = "") -> Tree:
     return read_source(file)
 
 
+def content(node: Node) -> dict[str, dict[str, bytes]]:
+    """All of a tree, dtc's notes as well, in any order."""
+    own = {node.path: {name: found.raw for name, found in node.properties.items()}}
+    return own | {path: values for child in node for path, values in content(child).items()}
+
+
 # ---- trees in memory, for tests that make hundreds ---------------------------------------------------
 
 
