@@ -35,7 +35,7 @@ NEEDED = ("ca", "ioa", "type", "name", "port", "id", "table")
 ADDRESSES = ("address", "register")  # either
 DERIVED = ("ca", "type", "event_type", "command_type", "direction", "device", "port", "id", "table")
 TEXTS = ("register", "name", "unit", "ln", "format", "word_order", "byte_order", "bit_order")
-TEXTS += ("blocked_by", "substituted_by", "not_topical_by")
+TEXTS += ("blocked_by", "substituted_by", "not_topical_by", "scale_by", "factor_by")
 OF_OBJECTS = (*TABLES, "template", "overrides", "name_prefix", "ioa_offset", "ca")
 IN_ROWS = (*OF_OBJECTS, "period_ms", "read_back")  # what each point of the list has itself
 

@@ -197,6 +197,7 @@ def small_file() -> dict[str, Any]:
     tables = ("coils", "discrete_inputs", "input_registers", "holding_registers")
     device: dict[str, Any] = {"id": 2} | {table: [{"address": 5}] for table in tables}
     device["discrete_inputs"].append({"address": 700})
+    device["holding_registers"].append({"address": 77})
     device["input_registers"].append({"address": 9, "bit": 3, "ioa": 60003})
     slaves = [{"id": 1}, device]
     ports = [
@@ -296,7 +297,7 @@ def around(site: Site) -> dict[str, Any]:
     _, _, table = site.place.partition(".slaves[1].")
     if table:
         device = ports[0]["slaves"][1]
-        its = ("id", "discrete_inputs", table.partition("[")[0])  # blocked_by names a discrete input
+        its = ("id", "discrete_inputs", "holding_registers", table.partition("[")[0])  # other keys name these
         ports[0]["slaves"][1] = {key: device[key] for key in its}
     return document
 

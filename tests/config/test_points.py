@@ -360,6 +360,11 @@ def test_slaves_of_a_template_that_are_wrong(
             {"write_values": [5], "write_every_ms": 100, "min": 0, "max": 4},
             "write_values[0]: 5 is beyond what",
         ),
+        ({"scale_by": "power"}, '"power" is not a number for this object, expected the name of another'),
+        ({"scale_by": "p3.1.h0"}, '"p3.1.h0" is not a number for this object'),  # its own
+        ({"scale_by": "a", "scale_register": 5}, "scale_by: has no meaning beside scale_register"),
+        ({"factor_by": "a", "scale_table": [[0, 0], [1, 1]]}, "factor_by: has no meaning beside scale_table"),
+        ({"factor_by": "a", "type": "step"}, "factor_by: has no meaning for type step"),
         ({"names": {}}, "names: has 0 names, expected 1 to 64"),
         ({"names": {"01": "a"}}, 'names.01: is no value of type scaled, expected an integer as "3"'),
         ({"names": {"40000": "a"}}, "names.40000: is no value of type scaled"),
@@ -408,6 +413,41 @@ def test_what_is_only_read(programs: Path, tmp_path: Path, keys: dict[str, Any],
     result = rtud(programs, "--check", file)
     assert result.returncode == 1
     assert message in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("own", "others", "said"),
+    [
+        ({}, {}, ""),
+        ({}, {"period_ms": 1000}, ""),
+        ({"period_ms": 1000}, {"period_ms": 500}, ""),
+        (
+            {"period_ms": 1000},
+            {"period_ms": 1000},
+            '"places" is not read before this object, expected one with',
+        ),
+        (
+            {"period_ms": 1000},
+            {},
+            '"places" is not read before this object, expected one with a shorter period',
+        ),
+    ],
+)
+def test_what_scales_is_read_before(
+    programs: Path, tmp_path: Path, own: dict[str, Any], others: dict[str, Any], said: str
+) -> None:
+    scaled, places = {"address": 0, "scale_by": "places"} | own, {"address": 0, "name": "places"} | others
+    slave = {"id": 1, "holding_registers": [scaled], "input_registers": [places]}
+    result = rtud(programs, "--check", write(tmp_path / "gateway.json", plant_of(slave)))
+    assert said in result.stderr
+    assert result.returncode == (1 if said else 0)
+
+
+def test_list_of_points_has_every_key_of_an_object(programs: Path) -> None:
+    head = rtud(programs, "--points", "--csv", ROOT / "docs/examples/every-key.json").stdout.splitlines()[0]
+    schema = json.loads(rtud(programs, "--schema").stdout)
+    said_elsewhere = {"register", "quality"}  # as its address, as its type
+    assert set(schema["$defs"]["object"]["properties"]) - said_elsewhere <= set(head.split(","))
 
 
 def test_messages_without_end_are_counted(programs: Path, tmp_path: Path) -> None:

@@ -7,7 +7,7 @@
 #include "config/near.h"
 
 #define QUOTE_SIZE      64
-#define EXPECTED_SIZE   512
+#define EXPECTED_SIZE   1024
 #define CONTROL_DELETE  0x7f
 #define UTF8_IS_TAIL(c) (((unsigned char)(c)&0xc0u) == 0x80u)
 

@@ -98,6 +98,13 @@ enum modbus_status {
 	MODBUS_STATUS_BITS,
 };
 
+/* Other points of its device that a point names: those, and what its scale is. */
+enum modbus_link {
+	MODBUS_SCALE_BY = MODBUS_STATUS_BITS, /* the power of ten of its raw value */
+	MODBUS_FACTOR_BY,                     /* what that is multiplied by */
+	MODBUS_LINKS,
+};
+
 /* A point of a scaling table: from one to the next, values lie on a line. */
 struct modbus_knot {
 	double raw; /* greater than that of the knot before */
@@ -106,8 +113,8 @@ struct modbus_knot {
 
 /* What few points have. */
 struct modbus_extra {
-	/* The status bits that say something of it; by enum modbus_status: 1 + place among the slave's points, 0: none. */
-	uint16_t status[MODBUS_STATUS_BITS];
+	/* By enum modbus_status and enum modbus_link: 1 + place among the slave's points, 0: none. */
+	uint16_t links[MODBUS_LINKS];
 	uint16_t write_address; /* MODBUS_WRITTEN_ELSEWHERE */
 };
 

@@ -43,6 +43,8 @@ const struct modbus_applies modbus_applies_to[OBJECT_KEYS] = {
     [OBJECT_PERIOD] = {.of_reading = true},
     [OBJECT_READ_BACK] = {.of_commands = true, .of_reading = true},
     [OBJECT_WRITE_ADDRESS] = {.of_reading = true},
+    [OBJECT_SCALE_BY] = {.types = MODBUS_MEASURED_TYPES, .of_reading = true},
+    [OBJECT_FACTOR_BY] = {.types = MODBUS_MEASURED_TYPES, .of_reading = true},
     [OBJECT_WRITE_VALUES] = {.types = OF_ONE_WRITE, .of_commands = true},
     [OBJECT_WRITE_AT_RETURN] = {.types = OF_ONE_WRITE, .of_commands = true},
     [OBJECT_WRITE_EVERY] = {.types = OF_ONE_WRITE, .of_commands = true},

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* What few objects have, once all points are in their places: status bits that they name, an address to write to. */
+/* What few objects have, once all points are in their places: other points that they name, an address to write to. */
 #include "modbus/config_loader.h"
 
 #include <stdlib.h>
@@ -12,10 +12,10 @@ static int by_name(const void *left, const void *right)
 	return strcmp((*a)->name, (*b)->name);
 }
 
-static bool names_status(const struct modbus_entry *entry)
+static bool names_others(const struct modbus_entry *entry)
 {
-	for (unsigned i = 0; i < MODBUS_STATUS_BITS; i++)
-		if (entry->status[i] != NULL)
+	for (unsigned i = 0; i < MODBUS_LINKS; i++)
+		if (entry->links[i] != NULL)
 			return true;
 	return false;
 }
@@ -32,47 +32,81 @@ static const struct modbus_entry *find(const struct modbus_entry *const *names, 
 	return found == NULL ? NULL : *found;
 }
 
-/* A bit of the same device, which nothing else says something of: so there is no order to follow, and no circle. */
-static bool is_status_bit_for(const struct modbus_entry *bit, const struct modbus_entry *entry)
+static bool is_number(const struct modbus_entry *entry)
 {
-	return bit != NULL && bit != entry && bit->point.set == entry->point.set &&
-	       bit->point.type == MAP_SINGLE && !names_status(bit);
+	return entry->point.type == MAP_SCALED || entry->point.type == MAP_FLOAT;
+}
+
+/* One of the same device, which names no other itself: so there is no order to follow, and no circle. */
+static bool may_be_named(const struct modbus_entry *other, const struct modbus_entry *entry, unsigned link)
+{
+	return other != NULL && other != entry && other->point.set == entry->point.set &&
+	       !(other->point.flags & MAP_POINT_NEVER_READ) && !names_others(other) &&
+	       (link < MODBUS_STATUS_BITS ? other->point.type == MAP_SINGLE : is_number(other));
+}
+
+/* Else the value may be read first, and be without its scale for a whole period. */
+static bool is_read_sooner(const struct modbus_entry *other, const struct modbus_entry *entry)
+{
+	const uint32_t period_ms = entry->wire.scan_period_ms, others_ms = other->wire.scan_period_ms;
+
+	return period_ms == 0 || (others_ms > 0 && others_ms < period_ms);
 }
 
 static bool has_extra(const struct modbus_entry *entry)
 {
-	return names_status(entry) || (entry->wire.flags & MODBUS_WRITTEN_ELSEWHERE);
+	return names_others(entry) || (entry->wire.flags & MODBUS_WRITTEN_ELSEWHERE);
+}
+
+static void refuse(struct modbus_loader *loader, const struct config_place *here, const char *name,
+		   unsigned link)
+{
+	if (link < MODBUS_STATUS_BITS)
+		config_error(
+		    loader->report, here,
+		    "\"%s\" is not a status bit for this object, expected the name of another single "
+		    "point of this slave that has none itself",
+		    name);
+	else
+		config_error(loader->report, here,
+			     "\"%s\" is not a number for this object, expected the name of another scaled or "
+			     "float point of this slave that is read and names none itself",
+			     name);
+}
+
+static void resolve_link(struct modbus_loader *loader, const struct modbus_entry *entry, unsigned link,
+			 const struct modbus_entry *const *names, struct modbus_extra *extra)
+{
+	const struct map_config *config = loader->config;
+	const char *name = entry->links[link];
+	struct config_place place[MODBUS_ENTRY_LINKS];
+	const struct config_place here =
+	    config_key_of(modbus_entry_place(entry, place), modbus_link_keys[link]);
+	const struct modbus_entry *other = find(names, config->point_count, entry->prefix, name);
+
+	if (other == NULL) /* a default name has no prefix */
+		other = find(names, config->point_count, "", name);
+	if (!may_be_named(other, entry, link))
+		refuse(loader, &here, name, link);
+	else if (link >= MODBUS_STATUS_BITS && !is_read_sooner(other, entry))
+		config_error(loader->report, &here,
+			     "\"%s\" is not read before this object, expected one with a shorter period_ms",
+			     name);
+	else
+		extra->links[link] =
+		    (uint16_t)(1 + (other - loader->entries) - config->sets[entry->point.set].first_point);
 }
 
 static void resolve(struct modbus_loader *loader, struct modbus_entry *entry,
 		    const struct modbus_entry *const *names)
 {
 	struct modbus_extra *extra = map_next_record(loader->config, MODBUS_EXTRAS);
-	const struct map_config *config = loader->config;
 
-	entry->wire.extra = (uint16_t)map_record_count(config, MODBUS_EXTRAS);
+	entry->wire.extra = (uint16_t)map_record_count(loader->config, MODBUS_EXTRAS);
 	extra->write_address = entry->write_address;
-	for (unsigned i = 0; i < MODBUS_STATUS_BITS; i++) {
-		const struct modbus_entry *bit;
-		struct config_place links[MODBUS_ENTRY_LINKS];
-		struct config_place here;
-
-		if (entry->status[i] == NULL)
-			continue;
-		bit = find(names, config->point_count, entry->prefix, entry->status[i]);
-		if (bit == NULL) /* a default name has no prefix */
-			bit = find(names, config->point_count, "", entry->status[i]);
-		here = config_key_of(modbus_entry_place(entry, links), modbus_status_keys[i]);
-		if (is_status_bit_for(bit, entry))
-			extra->status[i] = (uint16_t)(1 + (bit - loader->entries) -
-						      config->sets[entry->point.set].first_point);
-		else
-			config_error(
-			    loader->report, &here,
-			    "\"%s\" is not a status bit for this object, expected the name of another "
-			    "single point of this slave that has none itself",
-			    entry->status[i]);
-	}
+	for (unsigned link = 0; link < MODBUS_LINKS; link++)
+		if (entry->links[link] != NULL)
+			resolve_link(loader, entry, link, names, extra);
 }
 
 void modbus_resolve_extras(struct modbus_loader *loader)

@@ -43,12 +43,12 @@ struct modbus_entry {
 	uint32_t kept_every_ms;
 	const json_t *kept_values; /* NULL: what was commanded last; the file's */
 	char name[MAP_NAME_SIZE];
-	uint32_t period_ms;                     /* the slave's, for objects without one */
-	bool read_back;                         /* the same */
-	bool named;                             /* by the file */
-	const json_t *names;                    /* of its values, NULL: none; the file's */
-	const char *ln;                         /* its name in IEC 61850, NULL: none; the file's */
-	const char *status[MODBUS_STATUS_BITS]; /* names of status bits, NULL: none; the file's */
+	uint32_t period_ms;              /* the slave's, for objects without one */
+	bool read_back;                  /* the same */
+	bool named;                      /* by the file */
+	const json_t *names;             /* of its values, NULL: none; the file's */
+	const char *ln;                  /* its name in IEC 61850, NULL: none; the file's */
+	const char *links[MODBUS_LINKS]; /* names of other points, NULL: none; the file's */
 };
 
 /* What the part keeps from step to step. */
@@ -73,8 +73,8 @@ static inline bool modbus_is_writable(enum modbus_table table)
 /* The key of each table in a slave, by enum modbus_table. */
 extern const char *const modbus_table_names[MODBUS_TABLES];
 
-/* The key of each status bit in an object, by enum modbus_status. */
-extern const char *const modbus_status_keys[MODBUS_STATUS_BITS];
+/* The key of each other point in an object, by enum modbus_status and enum modbus_link. */
+extern const char *const modbus_link_keys[MODBUS_LINKS];
 
 /* ---- config_port.c ----------------------------------------------------------------------- */
 

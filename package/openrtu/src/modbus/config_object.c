@@ -147,6 +147,7 @@ static bool is_kept(const struct config_value *values)
 static void check_kept(struct modbus_loader *loader, const struct config_place *object,
 		       const struct config_value *values)
 {
+	static const unsigned of_scale[] = {OBJECT_SCALE_REGISTER, OBJECT_SCALE_BY, OBJECT_FACTOR_BY};
 	const struct config_place value = modbus_object_key(object, OBJECT_WRITE_VALUES);
 
 	for (unsigned key = OBJECT_WRITE_VALUES; key <= OBJECT_WRITE_EVERY; key++)
@@ -159,8 +160,10 @@ static void check_kept(struct modbus_loader *loader, const struct config_place *
 	if (!is_kept(values) && !values[OBJECT_WRITE_EVERY].wrong && !values[OBJECT_WRITE_AT_RETURN].wrong)
 		config_error(loader->report, &value,
 			     "are never written, expected write_at_return true or write_every_ms beside it");
-	if (values[OBJECT_SCALE_REGISTER].given)
-		config_error(loader->report, &value, "have no meaning beside scale_register");
+	for (size_t i = 0; i < sizeof(of_scale) / sizeof(of_scale[0]); i++)
+		if (values[of_scale[i]].given)
+			config_error(loader->report, &value, "have no meaning beside %s",
+				     modbus_object_rules[of_scale[i]].name);
 }
 
 static uint8_t point_flags(const struct config_value *values, enum modbus_table table, bool never_read)
@@ -358,8 +361,8 @@ static void add_entry(struct modbus_loader *loader, const struct config_place *p
 		entry.wire.flags |= MODBUS_NO_READ_BACK;
 	name_point(loader, place, &entry, &values[OBJECT_NAME]);
 	offset_ioa(loader, place, &entry);
-	for (unsigned i = 0; i < MODBUS_STATUS_BITS; i++)
-		entry.status[i] =
+	for (unsigned i = 0; i < MODBUS_LINKS; i++)
+		entry.links[i] =
 		    values[OBJECT_BLOCKED_BY + i].given ? values[OBJECT_BLOCKED_BY + i].text : NULL;
 	loader->entries[loader->config->point_count++] = entry;
 }

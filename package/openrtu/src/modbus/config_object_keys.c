@@ -221,6 +221,18 @@ const struct config_rule modbus_object_rules[OBJECT_KEYS] = {
 	 CONFIG_SAYS("Of all types but counter: name of another single point of the slave, without such keys "
 		     "itself, that makes this one not topical (NT) while it is ON.",
 		     .json = CONFIG_JSON({"examples" : ["p3.2.d700"]}))},
+    [OBJECT_SCALE_BY] =
+	{"scale_by", CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1,
+	 CONFIG_SAYS("Of normalized, scaled and float: name of another point of the slave, of any table, "
+		     "that holds the power of ten of raw.",
+		     .see = "configuration.md#scale-registers",
+		     .json = CONFIG_JSON({"examples" : ["p3.2.h77"]}))},
+    [OBJECT_FACTOR_BY] =
+	{"factor_by", CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1,
+	 CONFIG_SAYS(
+	     "Of normalized, scaled and float: name of another point of the slave, of any table, that "
+	     "raw is multiplied by, as with the ratio of a transformer.",
+	     .see = "configuration.md#scale-registers", .json = CONFIG_JSON({"examples" : ["p3.2.h77"]}))},
     [OBJECT_PERIOD] = {"period_ms", CONFIG_INTEGER, .low = 10, .high = 86400000,
 		       CONFIG_SAYS(
 			   "Milliseconds between two reads from the device. Without it, the slave's.")},
@@ -262,8 +274,8 @@ const struct config_rule modbus_object_rules[OBJECT_KEYS] = {
 	     "device answers; also what `write_at_return` does.",
 	     .see = "configuration.md#written-by-the-gateway-itself")},
 };
-const char *const modbus_status_keys[MODBUS_STATUS_BITS] = {
-    [MODBUS_BLOCKED_BY] = "blocked_by",
-    [MODBUS_SUBSTITUTED_BY] = "substituted_by",
-    [MODBUS_NOT_TOPICAL_BY] = "not_topical_by",
+const char *const modbus_link_keys[MODBUS_LINKS] = {
+    [MODBUS_BLOCKED_BY] = "blocked_by",         [MODBUS_SUBSTITUTED_BY] = "substituted_by",
+    [MODBUS_NOT_TOPICAL_BY] = "not_topical_by", [MODBUS_SCALE_BY] = "scale_by",
+    [MODBUS_FACTOR_BY] = "factor_by",
 };

@@ -119,28 +119,36 @@ static bool put_commands(json_t *schema)
 
 /* ---- the tables -------------------------------------------------------------------------- */
 
-CONFIG_TABLE(object_table, .name = "object", .rules = modbus_object_rules, .count = OBJECT_KEYS,
-	     .add = put_write_only,
-	     .json = CONFIG_JSON({
-		     "oneOf" : [ {"required" : ["address"]}, {"required" : ["register"]} ],
-		     "if" : {
-			     "required" : ["address"],
-			     "properties" : {"address" : {"type" : "integer", "minimum" : 10000}}
-		     },
-		     "then" : {"required" : ["ioa"]},
-		     "allOf" : [ {
-			     "if" : {"required" : ["write_values"]},
-			     "then" : {
-				     "anyOf" : [
-					     {"required" : ["write_every_ms"]}, {
-						     "required" : ["write_at_return"],
-						     "properties" : {"write_at_return" : {"const" : true}}
-					     }
-				     ],
-				     "properties" : {"scale_register" : false}
-			     }
-		     } ]
-	     }));
+CONFIG_TABLE(
+    object_table, .name = "object", .rules = modbus_object_rules, .count = OBJECT_KEYS, .add = put_write_only,
+    .json = CONFIG_JSON({
+	    "oneOf" : [ {"required" : ["address"]}, {"required" : ["register"]} ],
+	    "if" : {
+		    "required" : ["address"],
+		    "properties" : {"address" : {"type" : "integer", "minimum" : 10000}}
+	    },
+	    "then" : {"required" : ["ioa"]},
+	    "allOf" : [
+		    {
+			    "if" : {"required" : ["scale_by"]},
+			    "then" : {"properties" : {"scale_register" : false}}
+		    },
+		    {"if" : {"required" : ["factor_by"]}, "then" : {"properties" : {"scale_table" : false}}},
+		    {
+			    "if" : {"required" : ["write_values"]},
+			    "then" : {
+				    "anyOf" : [
+					    {"required" : ["write_every_ms"]}, {
+						    "required" : ["write_at_return"],
+						    "properties" : {"write_at_return" : {"const" : true}}
+					    }
+				    ],
+				    "properties" :
+					{"scale_register" : false, "scale_by" : false, "factor_by" : false}
+			    }
+		    }
+	    ]
+    }));
 
 /* What modbus_applies_to cannot say: how many registers a value has, and what goes beside what. */
 CONFIG_TABLE(

@@ -257,6 +257,19 @@ static void check_scale_alone(struct modbus_loader *loader, const struct config_
 	}
 }
 
+/* One power of ten, and no knots that a factor would move. */
+static void check_scale_links(struct modbus_loader *loader, const struct config_place *object,
+			      const struct config_value *values)
+{
+	const struct config_place scale = modbus_object_key(object, OBJECT_SCALE_BY);
+	const struct config_place factor = modbus_object_key(object, OBJECT_FACTOR_BY);
+
+	if (values[OBJECT_SCALE_BY].given && values[OBJECT_SCALE_REGISTER].given)
+		config_error(loader->report, &scale, "has no meaning beside scale_register");
+	if (values[OBJECT_FACTOR_BY].given && values[OBJECT_SCALE_TABLE].given)
+		config_error(loader->report, &factor, "has no meaning beside scale_table");
+}
+
 /* One register cannot be a value and its power of ten. */
 static void check_scale_register(struct modbus_loader *loader, const struct config_place *object,
 				 const struct config_value *values, enum map_type type,
@@ -366,6 +379,7 @@ void modbus_check_value(struct modbus_loader *loader, const struct config_place 
 	check_scale(loader, object, values, type);
 	check_scale_alone(loader, object, values);
 	check_scale_register(loader, object, values, type, table);
+	check_scale_links(loader, object, values);
 	if (values[OBJECT_SCALE_POINTS].given)
 		check_scale_points(loader, object, values[OBJECT_SCALE_POINTS].json);
 	if (values[OBJECT_SCALE_TABLE].given)

@@ -21,8 +21,6 @@
 #define DIGIT_MASK   0xF
 #define TEN_THOUSAND 10000 /* of MOD10: a register is less */
 #define WORD_SIGN    0x8000
-/* SunSpec's sunssf; 0x8000, which means that there is none, is beyond it too. */
-#define EXPONENT_MAX 10
 /* A double, as the greatest 64-bit integer is not. */
 #define TWO_TO_63 0x1p63
 /* From here on doubles are 2 apart. */
@@ -294,13 +292,15 @@ int8_t convert_exponent(const struct modbus_point *point, uint16_t word)
 {
 	int exponent = (in_byte_order(point, word) ^ WORD_SIGN) - WORD_SIGN;
 
-	return exponent >= -EXPONENT_MAX && exponent <= EXPONENT_MAX ? (int8_t)exponent : CONVERT_NO_EXPONENT;
+	return exponent >= -CONVERT_EXPONENT_MAX && exponent <= CONVERT_EXPONENT_MAX ? (int8_t)exponent
+										     : CONVERT_NO_EXPONENT;
 }
 
 /* Divides where the power is negative: 0.1 is no binary number, 10 is. */
 static double times_ten_to(double number, int exponent)
 {
-	static const double powers[EXPONENT_MAX + 1] = {1, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10};
+	static const double powers[CONVERT_EXPONENT_MAX + 1] = {1,   1e1, 1e2, 1e3, 1e4, 1e5,
+								1e6, 1e7, 1e8, 1e9, 1e10};
 
 	return exponent < 0 ? number / powers[-exponent] : number * powers[exponent];
 }

@@ -13,6 +13,8 @@
 #define CONVERT_WIDTH_MAX 4
 /* In the place of a power of ten: it is not known, or the device has none. */
 #define CONVERT_NO_EXPONENT INT8_MIN
+/* As of SunSpec's sunssf; 0x8000, which means that there is none, is beyond it too. */
+#define CONVERT_EXPONENT_MAX 10
 
 /* The power of ten of a point before anything was read: 0 without a scale register. */
 int8_t convert_first_exponent(const struct modbus_point *point);

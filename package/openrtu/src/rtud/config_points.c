@@ -65,6 +65,13 @@ static const unsigned object_columns[] = {
     OBJECT_BLOCKED_BY,
     OBJECT_SUBSTITUTED_BY,
     OBJECT_NOT_TOPICAL_BY,
+    OBJECT_SCALE_BY,
+    OBJECT_FACTOR_BY,
+    OBJECT_DECIMALS,
+    OBJECT_NAMES,
+    OBJECT_WRITE_VALUES,
+    OBJECT_WRITE_AT_RETURN,
+    OBJECT_WRITE_EVERY,
 };
 #define DIGITS_LEAST 15 /* of a double */
 #define DIGITS_MOST  17
@@ -245,9 +252,9 @@ static bool put_key(FILE *out, const struct row *row, unsigned key)
 		put_number(out, row->entry->wire.scan_period_ms);
 	} else if (key == OBJECT_READ_BACK && (row->entry->wire.flags & MODBUS_NO_READ_BACK)) {
 		put_next(out, "false");
-	} else if (key >= OBJECT_BLOCKED_BY && key <= OBJECT_NOT_TOPICAL_BY && json != NULL) {
+	} else if (key >= OBJECT_BLOCKED_BY && key <= OBJECT_FACTOR_BY && json != NULL) {
 		uint32_t place =
-		    modbus_extra_of(row->config, &row->entry->wire)->status[key - OBJECT_BLOCKED_BY] - 1u;
+		    modbus_extra_of(row->config, &row->entry->wire)->links[key - OBJECT_BLOCKED_BY] - 1u;
 
 		map_point_name(row->config, &row->config->points[row->set->first_point + place], name);
 		put_next(out, name);

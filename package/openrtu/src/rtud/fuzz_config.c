@@ -45,8 +45,8 @@ static void check_extra(const struct map_config *config, const struct modbus_poi
 {
 	const struct modbus_extra *extra = modbus_extra_of(config, point);
 
-	for (unsigned bit = 0; extra != NULL && bit < MODBUS_STATUS_BITS; bit++)
-		CHECK(extra->status[bit] <= points);
+	for (unsigned i = 0; extra != NULL && i < MODBUS_LINKS; i++)
+		CHECK(extra->links[i] <= points);
 }
 
 /* By point, which is how they are found, each of a point that takes commands. */

@@ -311,13 +311,13 @@ static void test_status_bits(void **state)
 	(void)state;
 	assert_int_equal(config.sets[1].point_count, 5);
 	assert_name(&config, first + 4, "p1.2.i9");
-	assert_name(&config, first + modbus_extra_of(&config, &wire[4])->status[MODBUS_BLOCKED_BY] - 1,
+	assert_name(&config, first + modbus_extra_of(&config, &wire[4])->links[MODBUS_BLOCKED_BY] - 1,
 		    "test");
-	assert_name(&config, first + modbus_extra_of(&config, &wire[4])->status[MODBUS_NOT_TOPICAL_BY] - 1,
+	assert_name(&config, first + modbus_extra_of(&config, &wire[4])->links[MODBUS_NOT_TOPICAL_BY] - 1,
 		    "p1.2.c4");
-	assert_int_equal(modbus_extra_of(&config, &wire[4])->status[MODBUS_SUBSTITUTED_BY], 0);
+	assert_int_equal(modbus_extra_of(&config, &wire[4])->links[MODBUS_SUBSTITUTED_BY], 0);
 	assert_name(&config, first + 0, "p1.2.c2");
-	assert_name(&config, first + modbus_extra_of(&config, &wire[0])->status[MODBUS_SUBSTITUTED_BY] - 1,
+	assert_name(&config, first + modbus_extra_of(&config, &wire[0])->links[MODBUS_SUBSTITUTED_BY] - 1,
 		    "p1.2.d1");
 	config_free(&config);
 }
@@ -426,7 +426,7 @@ static void test_an_object_is_written_elsewhere_or_only_written(void **state)
 	assert_int_equal(modbus_written(&config, &wire[5]).table, MODBUS_HOLDING_REGISTERS);
 	assert_int_equal(modbus_written(&config, &wire[5]).address, 7);
 	assert_int_equal(wire[5].address, 5);
-	assert_int_equal(modbus_extra_of(&config, &wire[5])->status[MODBUS_BLOCKED_BY], 1);
+	assert_int_equal(modbus_extra_of(&config, &wire[5])->links[MODBUS_BLOCKED_BY], 1);
 	config_free(&config);
 }
 

@@ -5,6 +5,7 @@
 
 #include "map/meaning.h"
 #include "map/time_ns.h"
+#include "modules/modbus/scaling.h"
 
 static const struct map_point *point_of(const struct commands *commands, uint32_t point)
 {
@@ -245,13 +246,15 @@ static void begin(struct commands *commands, const struct map_request *request)
 					  .phase = COMMANDS_WRITING,
 					  .cause = map_cause_of(commands->map, request),
 					  .pulse_ms = request->pulse_ms};
-	const struct modbus_point wire = written(commands, request->point);
+	struct modbus_point wire = written(commands, request->point);
+	const int8_t exponent =
+	    scaling_apply(commands->map, request->point, commands->exponents[request->point], &wire);
 	/* Not what it is forced to: a step goes from where the device is. */
 	const struct map_sample last = map_own_sample(commands->map, request->point);
 	enum map_command_result result;
 
 	result = operation_begin(point_of(commands, request->point), &wire,
-				 modbus_knots(map_config(commands->map)), commands->exponents[request->point],
+				 modbus_knots(map_config(commands->map)), exponent,
 				 unit_of(commands, request->point), request, &last, &begun.operation);
 	if (result == MAP_RESULT_NONE && request->step == 0 &&
 	    !map_meaning_allows(map_config(commands->map), request->point, request->value))

@@ -6,6 +6,7 @@
 
 #include "map/time_ns.h"
 #include "modbus/convert.h"
+#include "modules/modbus/scaling.h"
 
 #define REFUSALS_AT_ONCE   40 /* what a device with a wrong template lacks */
 #define REFUSALS_PERIOD_NS (60 * NS_PER_S)
@@ -81,11 +82,25 @@ static void note_answer(struct line_results *results, uint32_t device, int64_t n
 		say_well(results, device, map_trouble_ended(&news->death, now_ns, text));
 }
 
+static void convert(const struct line_results *results, uint32_t number, int8_t exponent,
+		    const uint16_t raw[CONVERT_WIDTH_MAX], struct map_sample *sample)
+{
+	const struct modbus_knot *knots = modbus_knots(map_config(results->map));
+	struct modbus_point wire;
+
+	if (results->points[number].extra == 0) {
+		convert_to_sample(&results->points[number], knots, exponent, raw, sample);
+		return;
+	}
+	wire = results->points[number];
+	exponent = scaling_apply(results->map, number, exponent, &wire);
+	convert_to_sample(&wire, knots, exponent, raw, sample);
+}
+
 static void publish_read(void *context, uint32_t device, const struct modbus_read *read, const uint8_t *data,
 			 int64_t now_ns)
 {
 	struct line_results *results = context;
-	const struct modbus_knot *knots = modbus_knots(map_config(results->map));
 
 	note_answer(results, device, now_ns);
 	for (uint32_t i = 0; i < read->objects; i++) {
@@ -99,8 +114,7 @@ static void publish_read(void *context, uint32_t device, const struct modbus_rea
 					      .flags = modbus_counts_16_bits(config) ? MAP_UPDATE_NARROW : 0,
 					      .sample = {.time_ns = now_ns}};
 		take_raw(read, data, config, raw);
-		convert_to_sample(config, knots, take_exponent(results, read, data, point), raw,
-				  &update->sample);
+		convert(results, point, take_exponent(results, read, data, point), raw, &update->sample);
 	}
 	publish(results, device_config(results, device), read->objects, now_ns);
 	for (uint32_t i = 0; i < read->objects; i++)

@@ -47,9 +47,9 @@ static uint8_t quality_of(const struct quality *quality, const struct map_set *d
 	for (unsigned i = 0; i < MODBUS_STATUS_BITS; i++) {
 		const struct quality_of_point *bit;
 
-		if (extra->status[i] == 0)
+		if (extra->links[i] == 0)
 			continue;
-		bit = &quality->points[device->first_point + extra->status[i] - 1];
+		bit = &quality->points[device->first_point + extra->links[i] - 1];
 		if (bit->own != MAP_GOOD)
 			is |= MAP_NOT_TOPICAL;
 		else if (bit->on)

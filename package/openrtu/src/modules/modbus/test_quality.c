@@ -22,10 +22,10 @@ static int start_stage(void **state)
 	config = stage->points;
 	config[TEST_MODE].type = config[FROZEN].type = MAP_SINGLE;
 	wire[VALUE].extra = 1;
-	extras[0].status[MODBUS_BLOCKED_BY] = 1 + TEST_MODE;
-	extras[0].status[MODBUS_NOT_TOPICAL_BY] = 1 + FROZEN;
+	extras[0].links[MODBUS_BLOCKED_BY] = 1 + TEST_MODE;
+	extras[0].links[MODBUS_NOT_TOPICAL_BY] = 1 + FROZEN;
 	wire[OTHER].extra = 2;
-	extras[1].status[MODBUS_SUBSTITUTED_BY] = 1 + TEST_MODE;
+	extras[1].links[MODBUS_SUBSTITUTED_BY] = 1 + TEST_MODE;
 	map_add_section(&stage->config, MODBUS_POINTS, sizeof(wire[0]), POINTS, wire);
 	map_add_section(&stage->config, MODBUS_EXTRAS, sizeof(extras[0]), 2, extras);
 	make_again(stage);
