@@ -418,6 +418,46 @@ def test_an_answer_may_come_octet_by_octet(said: Said) -> None:
     assert (code, cells(rows[0])[2]) == (0, "0x1234")
 
 
+# MODBUS over Serial Line V1.02, 2.5.2.1: a colon, digits, the LRC, CR and LF.
+
+
+@pytest.mark.parametrize(
+    ("answer", "found"),
+    [
+        (b":0503021234B0\r\n", "0x1234"),
+        (b":050300100001E7\r\n:0503021234B0\r\n", "0x1234"),  # an echo
+        (b"x\xff:0503:0503021234B0\r\n", "0x1234"),  # noise, and a frame that was begun anew
+    ],
+    ids=["plain", "echo", "noise"],
+)
+def test_ascii_is_read(said: Said, answer: bytes, found: str) -> None:
+    with Strange(answer) as strange:
+        code, rows, complaints = said("read", strange.place, "--ascii", "-u", 5, "h16")
+    assert (code, complaints) == (0, "")
+    assert cells(rows[0])[2] == found
+    assert strange.requests == [b":050300100001E7\r\n"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--rtu", "--ascii"), "--rtu and --ascii: a line speaks one of them"),
+        (("--data-bits", 7), "--data-bits 7: RTU sends whole octets"),
+    ],
+)
+def test_ascii_goes_not_with_everything(said: Said, words: tuple[object, ...], message: str) -> None:
+    code, _, complaints = said("read", "/dev/none", *words, "-u", 5, "h16")
+    assert code == 2
+    assert message in complaints
+
+
+def test_ascii_with_a_wrong_lrc_is_damaged(said: Said) -> None:
+    with Strange(b":0503021234B1\r\n") as strange:
+        code, rows, complaints = said("read", strange.place, "--ascii", "-u", 5, "h16", timeout_s=PATIENCE_S)
+    assert (code, rows) == (1, [])
+    assert "wrong" in complaints
+
+
 def test_octets_are_printed_with_their_times(said: Said) -> None:
     with Strange(ANSWER) as strange:
         code, rows, complaints = said("read", strange.place, "--rtu", "-u", 5, "h16", "--octets")

@@ -9,9 +9,10 @@ from collections.abc import Callable
 from typing import Any
 
 from nuc980.errors import UnusableInput
-from openrtu_tools.modbus import registers
+from openrtu_tools.modbus import registers, serial_port
+from openrtu_tools.modbus.ascii_text import AsciiStream
 from openrtu_tools.modbus.frames import BIT_TABLES, BROADCAST
-from openrtu_tools.modbus.links import Link, RtuLink, SerialStream, SocketStream, TcpLink
+from openrtu_tools.modbus.links import Link, RtuLink, SerialStream, SocketStream, Stream, TcpLink
 from openrtu_tools.modbus.made import BYTE_ORDERS, FORMATS, WORD_ORDERS
 from openrtu_tools.modbus.registers import Place
 from openrtu_tools.modbus.serial_port import PARITIES, SPEEDS, Settings
@@ -63,6 +64,7 @@ def add_line(parser: argparse.ArgumentParser) -> None:
     line = parser.add_argument_group("of a serial port")
     line.add_argument("--baud", type=speed, default=BAUD, metavar="BIT/S", help=f"speed [{BAUD}]")
     line.add_argument("--parity", choices=PARITIES, default=PARITY, help=f"[{PARITY}]")
+    line.add_argument("--data-bits", type=int, choices=(7, 8), help="[8; with --ascii 7]")
     line.add_argument("--stop-bits", type=int, choices=(1, 2), default=1, help="[1]")
 
 
@@ -70,6 +72,7 @@ def add_link(parser: argparse.ArgumentParser, timeout_s: float) -> None:
     parser.add_argument(
         "--rtu", action="store_true", help="to HOST:PORT, RTU in place of Modbus TCP: through a serial server"
     )
+    parser.add_argument("--ascii", action="store_true", help="Modbus ASCII in place of RTU or Modbus TCP")
     parser.add_argument(
         "--timeout",
         type=ranged(0.01, 60, float),
@@ -115,30 +118,39 @@ def is_serial(device: str) -> bool:
 
 def is_broadcast(parsed: argparse.Namespace) -> bool:
     """On Modbus TCP, unit 0 is one like others."""
-    return parsed.unit == BROADCAST and (parsed.rtu or is_serial(parsed.device))
+    return parsed.unit == BROADCAST and (parsed.rtu or parsed.ascii or is_serial(parsed.device))
 
 
 def settings_of(parsed: argparse.Namespace) -> Settings:
-    return Settings(parsed.baud, parsed.parity, parsed.stop_bits)
+    data_bits = parsed.data_bits or (7 if parsed.ascii else serial_port.DATA_BITS)
+    if data_bits == 7 and not parsed.ascii:
+        raise UnusableInput("--data-bits 7: RTU sends whole octets", next_step="add --ascii, or leave it out")
+    return Settings(parsed.baud, parsed.parity, parsed.stop_bits, data_bits)
 
 
 def link_of(parsed: argparse.Namespace) -> Link:
     """Opened. Raises UnusableInput."""
     link = _opened(parsed)
-    link.stream.traced = parsed.octets
+    stream = link.stream
+    (stream.text if isinstance(stream, AsciiStream) else stream).traced = parsed.octets
     return link
 
 
 def _opened(parsed: argparse.Namespace) -> Link:
+    if parsed.rtu and parsed.ascii:
+        raise UnusableInput("--rtu and --ascii: a line speaks one of them")
     if is_serial(parsed.device):
         if parsed.unit > SERIAL_UNIT_LAST:
             raise UnusableInput(f"--unit {parsed.unit}: units of a serial line are 1 to {SERIAL_UNIT_LAST}")
         if parsed.rtu:
             raise UnusableInput("--rtu: a serial port has no other way")
         settings = settings_of(parsed)
-        return RtuLink(SerialStream(parsed.device, settings), parsed.timeout, settings)
+        stream: Stream = SerialStream(parsed.device, settings)
+        return RtuLink(AsciiStream(stream) if parsed.ascii else stream, parsed.timeout, settings)
     host, port = address(parsed.device)
     stream = SocketStream(host, port, parsed.timeout)
+    if parsed.ascii:
+        return RtuLink(AsciiStream(stream), parsed.timeout, None)
     return RtuLink(stream, parsed.timeout, None) if parsed.rtu else TcpLink(stream, parsed.timeout)
 
 

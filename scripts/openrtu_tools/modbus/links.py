@@ -51,6 +51,7 @@ class Stream(ABC):
 
     name: str
     traced = False
+    characters = 1  # of the line, that an octet takes
 
     def send(self, octets: bytes) -> None:
         self._trace(">", octets)
@@ -283,7 +284,9 @@ class RtuLink(Link):
             time.sleep(wait)
         octets = framed(request)
         self.stream.send(octets)
-        self._sent_s = len(octets) * self._settings.character_s if self._settings else 0.0
+        self._sent_s = (
+            len(octets) * self.stream.characters * self._settings.character_s if self._settings else 0.0
+        )
         self._heard(self._sent_s)
 
     def _heard(self, later_s: float = 0.0) -> None:

@@ -27,13 +27,14 @@ class Settings:
     baud: int
     parity: str
     stop_bits: int
+    data_bits: int = DATA_BITS
 
     def __str__(self) -> str:
-        return f"{self.baud} bit/s {DATA_BITS}{self.parity[0].upper()}{self.stop_bits}"
+        return f"{self.baud} bit/s {self.data_bits}{self.parity[0].upper()}{self.stop_bits}"
 
     @property
     def character_s(self) -> float:
-        return (1 + DATA_BITS + (self.parity != "none") + self.stop_bits) / self.baud
+        return (1 + self.data_bits + (self.parity != "none") + self.stop_bits) / self.baud
 
 
 def opened(device: str, settings: Settings) -> int:
@@ -54,7 +55,8 @@ def opened(device: str, settings: Settings) -> int:
 def configure(device: str, port: int, settings: Settings) -> None:
     """May be done again, with other settings; forgets what has come."""
     pty = is_pty(device)
-    flags = termios.CS8 | termios.CREAD | termios.CLOCAL
+    flags = termios.CREAD | termios.CLOCAL
+    flags |= termios.CS7 if settings.data_bits == 7 and not pty else termios.CS8
     if settings.parity != "none" and not pty:  # which has none to carry
         flags |= termios.PARENB | (termios.PARODD if settings.parity == "odd" else 0)
     if settings.stop_bits == 2 and not pty:
