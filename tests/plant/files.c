@@ -369,6 +369,17 @@ static void drop_input(int fd)
 		continue;
 }
 
+/*
+ * What was written has left. The kernel would drop of it what its worker has not yet brought to the other end: that depends on the
+ * host's load.
+ */
+static int flush_terminal(int fd, intptr_t queue)
+{
+	if (queue != TCOFLUSH)
+		drop_input(fd);
+	return 0;
+}
+
 int ioctl(int fd, unsigned long request, ...)
 {
 	va_list arguments;
@@ -380,10 +391,10 @@ int ioctl(int fd, unsigned long request, ...)
 	client_begin();
 	if (plant && files_kind(fd) == FD_TERMINAL) {
 		client_call();
-		if (request == TCFLSH && (intptr_t)argument != TCOFLUSH)
-			drop_input(fd);
 		client_changes();
 		client_tell("ioctl %d %lx", fd, request);
+		if (request == TCFLSH)
+			return flush_terminal(fd, (intptr_t)argument);
 	}
 	return real.ioctl(fd, request, argument);
 }
