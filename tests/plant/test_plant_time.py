@@ -635,6 +635,25 @@ def test_a_link_with_delay(programs: Path, tmp_path: Path) -> None:
     assert said == "connected 2.0\nb'onetwo' 4.0\nb'' 6.0\n", (said, (tmp_path / "ask.log").read_text())
 
 
+FLUSH = """
+import os, termios, tty
+far, near = os.openpty()
+tty.setraw(near)
+got = 0
+for _ in range(300):
+    os.write(near, b"12345678")
+    termios.tcflush(near, termios.TCOFLUSH)
+    got += len(os.read(far, 100))
+print(got)
+"""
+
+
+def test_what_was_written_to_a_terminal_has_left_it(programs: Path, tmp_path: Path) -> None:
+    """A flush drops of it what the kernel's worker has not moved yet, as the host's load has it."""
+    assert run_script(tmp_path, FLUSH).returncode == 0
+    assert (tmp_path / "out").read_text() == "2400\n", (tmp_path / "log").read_text()
+
+
 def test_an_epoll_in_an_epoll_knows_when_its_timer_is_due(programs: Path, tmp_path: Path) -> None:
     assert run_script(tmp_path, NESTED).returncode == 0
     assert (tmp_path / "out").read_text() == "1 2.0\n", (tmp_path / "log").read_text()
