@@ -197,6 +197,20 @@ def test_what_it_cannot_read_then_is_not_topical(programs: Path, linesim_program
     assert told == [(NOT_TOPICAL, 11), (INVALID, 11), (0, 14)]
 
 
+def test_a_scan_in_which_it_was_stopped_does_not_say_how_long_one_takes(
+    programs: Path, linesim_program: Path, folder: Path
+) -> None:
+    """Three stops in a row: what was read before the second is more than 3 s old behind the third."""
+    stops = ((20.3, 1.9), (22.85, 1.7), (24.65, 1.8))
+    changes = (
+        Change(16.0, "2.3", "input_registers", 0, 11),
+        Change(23.0, "2.3", "input_registers", 0, 14),
+    )
+    faults = tuple(Fault(at_s, "stop", "rtu-modbus-1", calls=1, for_s=for_s) for at_s, for_s in stops)
+    ran = run_world(World(2, 45.0, changes, faults, scanned=(2,)), folder / "stops")
+    assert judge(ran) == []
+
+
 def test_with_rtud_its_modules_are_killed(programs: Path, linesim_program: Path, folder: Path) -> None:
     ran = faulty(folder, Fault(10.0, "kill", "rtud"))
     assert len(lines_of(ran, b"rtud#2 begins")) == 1

@@ -274,6 +274,7 @@ struct modbus_line {
 	bool scan_held;           /* some device was not read to its end, for its pause */
 	int64_t scan_began_ns;
 	int64_t scan_ended_ns;
+	int64_t whole_scan_began_ns; /* of the scan that counters.scan_us is of */
 
 	int64_t silent_ns;   /* when the line may be used, if nothing more comes */
 	int64_t restless_ns; /* since when silence is being waited for */

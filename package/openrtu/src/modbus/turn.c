@@ -207,6 +207,7 @@ static void next_turn(struct modbus_line *line, int64_t now_ns)
 	if (line->scan_begun && line->scan_ended_ns >= line->scan_began_ns) {
 		line->counters.scan_us = (uint32_t)((line->scan_ended_ns - line->scan_began_ns) / NS_PER_US);
 		line->counters.scans++;
+		line->whole_scan_began_ns = line->scan_began_ns;
 	}
 	line->scan_begun = false;
 }

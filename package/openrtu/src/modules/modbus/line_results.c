@@ -188,9 +188,13 @@ static void invalidate_device(struct line_results *results, const struct map_set
 
 /* ---- after a silence ------------------------------------------------------------------- */
 
-void line_results_note_scan(struct line_results *results)
+void line_results_note_scan(struct line_results *results, int64_t from_ns, int64_t to_ns)
 {
-	results->scan_ns = results->line->counters.scan_us * NS_PER_US;
+	const int64_t took_ns = results->line->counters.scan_us * NS_PER_US;
+	const int64_t began_ns = results->line->whole_scan_began_ns;
+
+	if (began_ns >= from_ns && began_ns + took_ns <= to_ns)
+		results->scan_ns = took_ns;
 }
 
 static bool is_old(const struct line_results *results, const struct modbus_object *object, int64_t now_ns)

@@ -34,14 +34,14 @@ struct line_results {
 	const struct modbus_point *points; /* of the configuration */
 	struct line_news *news;            /* of its devices */
 	int8_t *exponents;                 /* of all points: what their scale registers say (convert.h) */
-	int64_t scan_ns;                   /* what the line's scan took before this process was silent */
+	int64_t scan_ns;                   /* what the line's scan took while this process was not silent */
 };
 
 /* What a line is to be given; its context is a struct line_results. */
 extern const struct modbus_events line_results_events;
 
-/* This process was silent until now, which has not become part of a scan yet. */
-void line_results_note_scan(struct line_results *results);
+/* What is old is judged by the last whole scan, if it began and ended between these two times. */
+void line_results_note_scan(struct line_results *results, int64_t from_ns, int64_t to_ns);
 /*
  * Whether some value is good and too old for that: older than twice its period, or twice the scan, and longer than the
  * heartbeat may be silent.

@@ -20,6 +20,7 @@ struct refresh {
 	struct line_results *lines;
 	uint32_t line_count;
 	int64_t until_ns; /* 0: none is under way */
+	int64_t back_ns;  /* when this process was last back */
 };
 
 /* Whether the heartbeat has to wait, the last one having been at beaten_ns. Asked before each. */
