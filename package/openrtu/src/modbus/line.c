@@ -177,8 +177,10 @@ bool modbus_line_receive(struct modbus_line *line, const uint8_t *bytes, size_t 
 	if (line->state == MODBUS_CLOSED || length == 0)
 		return true;
 	if (line->state == MODBUS_WAITING && line->purpose == MODBUS_SCAN &&
-	    now_ns >= last_moment(line) + MODBUS_LATE_NS)
+	    now_ns >= last_moment(line) + MODBUS_LATE_NS) {
+		line->back_ns = now_ns;
 		modbus_request_timed_out(line, now_ns);
+	}
 	return line->framer->receive(line, bytes, length, now_ns);
 }
 

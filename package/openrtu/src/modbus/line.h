@@ -276,6 +276,8 @@ struct modbus_line {
 	int64_t scan_ended_ns;
 	int64_t whole_scan_began_ns; /* of the scan that counters.scan_us is of */
 
+	/* When whoever runs this line was last back from an absence: what is there then came nobody knows when. */
+	int64_t back_ns;
 	int64_t silent_ns;   /* when the line may be used, if nothing more comes */
 	int64_t restless_ns; /* since when silence is being waited for */
 	int64_t last_byte_ns;

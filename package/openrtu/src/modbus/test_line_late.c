@@ -78,6 +78,34 @@ static void test_an_answer_behind_a_learned_time_out_is_told_as_it_is(void **sta
 	assert_in_range(bus.late_ns[0], 150 * MS, 170 * MS);
 }
 
+/* A process that was stopped reads late what came in time. */
+static void reads_late(bool tcp)
+{
+	set_up();
+	if (tcp)
+		use_tcp();
+	add_device(17, 2);
+	add_objects(MODBUS_READ_HOLDING_REGISTERS, 0, 4);
+	start();
+	run_for(SECOND);
+	while (bus.line.state != MODBUS_WAITING || bus.wire_count == 0)
+		run_for(MS);
+	bus.now_ns += 3 * SECOND;
+	deliver();
+	run_for(SECOND);
+	assert_int_equal(bus.line.counters.timeouts, 1);
+	assert_int_equal(bus.lates[0], 0);
+	assert_int_equal(bus.devices[0].counters.too_late, 0);
+	assert_int_equal(bus.devices[0].latest_ns, 0);
+}
+
+static void test_who_reads_late_does_not_say_that_the_device_is_late(void **state)
+{
+	(void)state;
+	reads_late(false);
+	reads_late(true);
+}
+
 /* A device that was busy answers all that it was asked meanwhile at once: each of these answers is one. */
 static void test_late_answers_that_come_at_once_are_told_apart(void **state)
 {
@@ -271,6 +299,7 @@ int main(void)
 	    cmocka_unit_test(test_a_late_answer_is_never_anothers),
 	    cmocka_unit_test(test_a_late_answer_is_counted),
 	    cmocka_unit_test(test_a_late_answer_tells_how_late_it_is),
+	    cmocka_unit_test(test_who_reads_late_does_not_say_that_the_device_is_late),
 	    cmocka_unit_test(test_late_answers_that_come_at_once_are_told_apart),
 	    cmocka_unit_test(test_an_answer_behind_a_learned_time_out_is_told_as_it_is),
 	    cmocka_unit_test(test_a_killed_processs_answer_is_nobodys),

@@ -199,6 +199,8 @@ void modbus_tell_late(struct modbus_line *line, uint32_t index, int64_t sent_ns,
 	struct modbus_device *device = &line->devices[index];
 	const int64_t latency_ns = began_ns - later(sent_ns, device->heard_ns);
 
+	if (began_ns <= line->back_ns)
+		return;
 	if (sent_ns != 0 && latency_ns > device->response_timeout_ns) {
 		device->counters.too_late++;
 		device->latest_ns = later(device->latest_ns, latency_ns);
