@@ -19,13 +19,26 @@ RENEWAL_S = 10
 VERSIONS = {"1.2": "NORMAL:-VERS-ALL:+VERS-TLS1.2", "1.3": "NORMAL:-VERS-ALL:+VERS-TLS1.3"}
 
 
+@contextlib.contextmanager
+def started(programs: Path, **keys: int) -> Iterator[TlsGateway]:
+    folder = run_directory()
+    with gateway_with(public_keys(folder), programs, **keys) as gateway:
+        yield gateway
+    remove(folder)
+
+
 @pytest.fixture
 def gateway(programs: Path) -> Iterator[TlsGateway]:
     """Of the test's own: what others have done leaves lines of its log out."""
-    folder = run_directory()
-    with gateway_with(public_keys(folder), programs, renewal_s=RENEWAL_S) as gateway:
+    with started(programs) as gateway:
         yield gateway
-    remove(folder)
+
+
+@pytest.fixture
+def renewing(programs: Path) -> Iterator[TlsGateway]:
+    """One that asks for new keys so often that TLS 1.2 ends within a slow test."""
+    with started(programs, renewal_s=RENEWAL_S) as gateway:
+        yield gateway
 
 
 def connected(
@@ -134,15 +147,15 @@ def test_stranger_is_refused(gateway: TlsGateway) -> None:
 
 
 @pytest.mark.slow
-def test_keys_are_renewed_by_both(gateway: TlsGateway) -> None:
+def test_keys_are_renewed_by_both(renewing: TlsGateway) -> None:
     """By GnuTLS when it likes, by the station in its time; every octet is there."""
-    with connected(gateway, VERSIONS["1.3"]) as connection:
+    with connected(renewing, VERSIONS["1.3"]) as connection:
         port = connection.plain.getsockname()[1]
         for _ in range(5):
             connection.renew_keys()
             assert is_alive(connection)
-        gateway.wait_for(
-            lambda: is_alive(connection) and f"port {port}: its keys are renewed" in gateway.log(),
+        renewing.wait_for(
+            lambda: is_alive(connection) and f"port {port}: its keys are renewed" in renewing.log(),
             RENEWAL_S + WAITS_S,
             "the station's turn",
         )
