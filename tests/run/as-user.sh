@@ -9,7 +9,7 @@ set -euo pipefail
 	echo "as-user.sh: only root can become a user without rights" >&2
 	exit 2
 }
-cd "$(dirname "$0")/.."
+cd "$(dirname "$0")/../.."
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 tree=$folder/"mein träe"
