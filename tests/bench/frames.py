@@ -93,7 +93,7 @@ def browser_s() -> float:
         with contextlib.suppress(OSError):  # it has ended meanwhile
             fields = file.read_text().rpartition(")")[2].split()
             parents[int(file.parent.name)] = int(fields[1])
-            if "--type=" in (file.parent / "cmdline").read_text():
+            if b"--type=" in (file.parent / "cmdline").read_bytes():
                 used[int(file.parent.name)] = int(fields[11]) + int(fields[12])
     mine = {os.getpid()}
     while found := {each for each, parent in parents.items() if parent in mine} - mine:

@@ -379,7 +379,7 @@ def test_slaves_of_a_template_that_are_wrong(
         ({"type": "counter", "write_every_ms": 100}, "write_every_ms: has no meaning for type counter"),
         (
             {"write_values": [1], "write_every_ms": 100, "scale_register": 5},
-            "write_values: have no meaning beside scale_register",
+            "write_values: has no meaning beside scale_register",
         ),
         (
             {"write_only": True, "write_at_return": True},

@@ -12,6 +12,7 @@ from rig.desk import Substation, gateway_on_lines, patience
 
 DEVICE, HOLDING, INPUT = "1.5", "holding_registers", "input_registers"
 POWER, CURRENT, PLACES, RATIO, LIMIT = 0, 1, 10, 11, 20
+COUNT, FRACTION, OF_COUNT, OF_FRACTION = 30, 31, 32, 34
 WAIT_S = 60.0
 
 
@@ -26,6 +27,10 @@ def configuration() -> dict[str, Any]:
         {"address": PLACES, "name": "places"},
         {"address": RATIO, "type": "float", "format": "uint16", "scale": 0.5, "name": "ratio"},
         {"address": LIMIT, "type": "float", "format": "int16", "name": "limit", **both},
+        {"address": COUNT, "format": "uint16", "name": "count"},
+        {"address": FRACTION, "type": "float", "format": "int16", "scale": 0.5, "name": "fraction"},
+        {"address": OF_COUNT, "type": "float", "name": "of_count", "factor_by": "count"},
+        {"address": OF_FRACTION, "type": "float", "name": "of_fraction", "scale_by": "fraction"},
     ]
     slave = {"id": 5, **patience(), INPUT: inputs, HOLDING: registers}
     return {"iec104": {}, "port": [{"value": 1, "active": 1, **pace, "slaves": [slave]}]}
@@ -76,3 +81,17 @@ def test_command_goes_the_same_way_back(running: Substation) -> None:
     assert "executed command" in running.gateway.ctl("set", "limit", "-1200")
     assert running.lines.get(DEVICE, HOLDING, LIMIT) in (-3, 65533)
     shows(running, "limit", -1200)
+
+
+def test_a_factor_beyond_its_own_limits_is_none(running: Substation) -> None:
+    running.lines.set(DEVICE, HOLDING, COUNT, 65535)  # of which a scaled value shows 32767, and overflow
+    shows(running, "of_count", None)
+    running.lines.set(DEVICE, HOLDING, COUNT, 3)
+    shows(running, "of_count", 0)
+
+
+def test_a_broken_power_is_none(running: Substation) -> None:
+    running.lines.set(DEVICE, HOLDING, FRACTION, 3)
+    shows(running, "of_fraction", None)
+    running.lines.set(DEVICE, HOLDING, FRACTION, 4)
+    shows(running, "of_fraction", 0)

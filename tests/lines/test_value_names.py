@@ -28,7 +28,13 @@ def configuration() -> dict[str, Any]:
         "names": {"65535": "dead"},
     }
     valve = {"address": 21, "bit": 3, "ioa": 700, "name": "valve", "names": {"0": "shut", "1": "open"}}
-    tables = {HOLDING: [mode, {"address": SPEED, "name": "speed"}], INPUT: [state, valve]}
+    breaker = {"address": 0, "type": "double", "name": "breaker", "names": {"1": "open", "2": "closed"}}
+    lamp = {"address": 4, "name": "lamp", "names": {"0": "on", "1": "off"}}  # by its manual
+    tables = {
+        HOLDING: [mode, {"address": SPEED, "name": "speed"}],
+        INPUT: [state, valve],
+        "coils": [breaker, lamp],
+    }
     slave = {"id": 5, **patience(), **tables}
     return {"iec104": {}, "port": [{"value": 1, "active": 1, **pace, "slaves": [slave]}]}
 
@@ -81,3 +87,32 @@ def test_command_of_what_has_no_name_is_refused(running: Substation) -> None:
         with pytest.raises(GatewayError, match=message):
             running.gateway.ctl("set", "mode", value)
     assert running.lines.get(DEVICE, HOLDING, MODE) == before
+
+
+def test_number_of_a_state_is_that_of_its_name(running: Substation) -> None:
+    for value, coils in (("2", [0, 1]), ("1", [1, 0]), ("closed", [0, 1])):
+        assert "executed command" in running.gateway.ctl("set", "breaker", value)
+        assert [running.lines.get(DEVICE, "coils", place) for place in (0, 1)] == coils
+    with pytest.raises(GatewayError, match="out of range"):
+        running.gateway.ctl("set", "breaker", "0")
+
+
+def test_name_goes_before_the_word_of_its_type(running: Substation) -> None:
+    assert "executed command" in running.gateway.ctl("set", "lamp", "on")
+    assert running.lines.get(DEVICE, "coils", 4) == 0
+
+
+def test_reload_takes_other_names(running: Substation) -> None:
+    config = json.loads(running.gateway.config_file.read_text())
+    (mode, *_) = config["port"][0]["slaves"][0][HOLDING]
+    mode["names"] = MODES | {"2": "chilling"}
+    mode["unit"] = "mode"
+    running.gateway.config_file.write_text(json.dumps(config))
+    assert "nothing changes" not in running.gateway.ctl("reload")
+    running.gateway.wait_for(lambda: everything_read(running.gateway), WAIT_S, "the line is read again")
+    assert "executed command" in running.gateway.ctl("set", "mode", "chilling")
+    running.gateway.wait_for(
+        lambda: running.gateway.points()["mode"].get("meaning") == "chilling", WAIT_S, "the new name"
+    )
+    (row,) = (row for row in running.gateway.query("commands") if row["name"] == "mode")
+    assert row["unit"] == "mode"

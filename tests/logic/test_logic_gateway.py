@@ -5,18 +5,19 @@ import json
 import re
 import subprocess
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import c104
 import pytest
 
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
+from lab.master import Master
 from lab.raw_master import ACTIVATION_CON, ACTIVATION_TERM, TIME_TAGGED, RawMaster
 from openrtu_tools.logic.binary import encode
 from openrtu_tools.logic.compile import compile_text
 from openrtu_tools.logic.errors import Findings
-from rig.desk import Desk
+from rig.desk import Desk, gateway_on_lines
 from rig.plant_programs import (
     BREAKER,
     CA,
@@ -24,6 +25,7 @@ from rig.plant_programs import (
     EARTHED,
     ENDLESS,
     FILLING,
+    INITIAL,
     INTERLOCK,
     LEVEL,
     PUMP,
@@ -31,6 +33,7 @@ from rig.plant_programs import (
     SPIN,
     WAIT_S,
     compiled,
+    configuration,
     settled,
     shown,
     wait_idle,
@@ -41,6 +44,18 @@ pytestmark = pytest.mark.slow  # as a whole
 
 RETURN_REMOTE = 11
 VALUES = [b"\x50\0\0", b"\x46\0\0"]  # scaled 80 and 70
+
+
+@pytest.fixture(scope="module")
+def running(programs: Path) -> Iterator[Desk]:
+    folder = run_directory()
+    try:
+        with gateway_on_lines(configuration(folder), programs, INITIAL) as (lines, gateway):
+            gateway.wait_for(lambda: settled(gateway), WAIT_S, "all but the order is valid")
+            with Master(*gateway.address) as master:
+                yield Desk(lines, gateway, master)
+    finally:
+        remove(folder)
 
 
 @pytest.fixture

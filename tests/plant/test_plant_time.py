@@ -2,6 +2,7 @@
 """The plant under a clock of its own (docs/plant.md): one seed is one trace, whatever else the host does."""
 
 import json
+import os
 import shlex
 import shutil
 import subprocess
@@ -585,7 +586,7 @@ def processes_with(argument: str) -> list[str]:
     found = []
     for process in Path("/proc").glob("[0-9]*"):
         with suppress(OSError):
-            if argument in (process / "cmdline").read_text().split("\0"):
+            if os.fsencode(argument) in (process / "cmdline").read_bytes().split(b"\0"):
                 found.append(process.name)
     return found
 

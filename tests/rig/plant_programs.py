@@ -1,18 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Programs of Structured Text between simulated devices and a controlling station."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import pytest
-
-from lab.gateway import Gateway, remove, run_directory
-from lab.master import Master
+from lab.gateway import Gateway
 from openrtu_tools.logic.binary import encode
 from openrtu_tools.logic.compile import compile_text
 from openrtu_tools.logic.errors import Findings
-from rig.desk import Desk, gateway_on_lines, patience
+from rig.desk import Desk, patience
 
 ROOT = Path(__file__).resolve().parents[2]
 INTERLOCK = ROOT / "docs/examples/logic/interlock.st"
@@ -106,18 +102,6 @@ INITIAL = {
         "input_registers": {"0": 50},
     }
 }
-
-
-@pytest.fixture(scope="module")
-def running(programs: Path) -> Iterator[Desk]:
-    folder = run_directory()
-    try:
-        with gateway_on_lines(configuration(folder), programs, INITIAL) as (lines, gateway):
-            gateway.wait_for(lambda: settled(gateway), WAIT_S, "all but the order is valid")
-            with Master(*gateway.address) as master:
-                yield Desk(lines, gateway, master)
-    finally:
-        remove(folder)
 
 
 def settled(gateway: Gateway) -> bool:

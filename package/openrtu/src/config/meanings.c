@@ -26,6 +26,15 @@ static bool read_number(const char *text, enum map_type type, int32_t *number)
 	return strcmp(text, again) == 0;
 }
 
+/* A command that gives it would mean another value. */
+static bool is_number(const char *text)
+{
+	char *end;
+
+	strtod(text, &end);
+	return end != text && *end == '\0';
+}
+
 static bool is_text(const json_t *json)
 {
 	const char *text = json_string_value(json);
@@ -63,6 +72,8 @@ static void check_meaning(struct config_report *report, const struct config_plac
 	if (!is_text(text))
 		config_error(report, here, "is no name, expected a string of 1 to %d printable bytes",
 			     MAP_MEANING_SIZE - 1);
+	else if (is_number(json_string_value(text)))
+		config_error(report, here, "\"%s\" is a number, expected a name", json_string_value(text));
 	else if (is_twice(names, key, json_string_value(text)))
 		config_error(report, here, "\"%s\" is the name of another value", json_string_value(text));
 }

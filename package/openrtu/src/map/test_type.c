@@ -64,6 +64,9 @@ static void test_numbers_become_values_and_back(void **state)
 	assert_is_none(MAP_INTEGER, NAN);
 	assert_is_none(MAP_FLOAT, INFINITY);
 	assert_is_none(MAP_FLOAT, 1e39);
+	assert_is(MAP_BITSTRING, 4294967295.0, -1); /* all 32 bits */
+	assert_is(MAP_BITSTRING, 2147483649.0, INT32_MIN + 1);
+	assert_is_none(MAP_BITSTRING, -1);
 	assert_is(MAP_ANGLE, -180, -1800000000);
 	assert_is_none(MAP_ANGLE, 180.0000001);
 	for (int32_t angle = -1800000000; angle < 1799000000; angle += 999983)

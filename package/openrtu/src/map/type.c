@@ -30,6 +30,8 @@ bool map_value_of(enum map_type type, double number, union map_value *out)
 		return false;
 	if (type == MAP_FLOAT)
 		out->f = (float)value;
+	else if (row->form == MAP_FORM_UNSIGNED)
+		out->u = (uint32_t)value;
 	else
 		out->i = (int32_t)value;
 	return true;

@@ -144,15 +144,29 @@ static bool is_kept(const struct config_value *values)
 	return values[OBJECT_WRITE_EVERY].given || values[OBJECT_WRITE_AT_RETURN].integer;
 }
 
+/* With another scale, the octets that stood for a value stand for another one. */
+static void check_kept_scale(struct modbus_loader *loader, const struct config_place *object,
+			     const struct config_value *values, unsigned key)
+{
+	static const unsigned of_scale[] = {OBJECT_SCALE_REGISTER, OBJECT_SCALE_BY, OBJECT_FACTOR_BY};
+	const struct config_place here = modbus_object_key(object, key);
+
+	for (size_t i = 0; i < sizeof(of_scale) / sizeof(of_scale[0]); i++)
+		if (values[of_scale[i]].given)
+			config_error(loader->report, &here, "has no meaning beside %s",
+				     modbus_object_rules[of_scale[i]].name);
+}
+
 static void check_kept(struct modbus_loader *loader, const struct config_place *object,
 		       const struct config_value *values)
 {
-	static const unsigned of_scale[] = {OBJECT_SCALE_REGISTER, OBJECT_SCALE_BY, OBJECT_FACTOR_BY};
 	const struct config_place value = modbus_object_key(object, OBJECT_WRITE_VALUES);
 
 	for (unsigned key = OBJECT_WRITE_VALUES; key <= OBJECT_WRITE_EVERY; key++)
-		if (values[key].given)
+		if (values[key].given) {
 			check_read_key(loader, object, key);
+			check_kept_scale(loader, object, values, key);
+		}
 	if (!values[OBJECT_WRITE_VALUES].given)
 		return;
 	if (json_array_size(values[OBJECT_WRITE_VALUES].json) == 0)
@@ -160,10 +174,6 @@ static void check_kept(struct modbus_loader *loader, const struct config_place *
 	if (!is_kept(values) && !values[OBJECT_WRITE_EVERY].wrong && !values[OBJECT_WRITE_AT_RETURN].wrong)
 		config_error(loader->report, &value,
 			     "are never written, expected write_at_return true or write_every_ms beside it");
-	for (size_t i = 0; i < sizeof(of_scale) / sizeof(of_scale[0]); i++)
-		if (values[of_scale[i]].given)
-			config_error(loader->report, &value, "have no meaning beside %s",
-				     modbus_object_rules[of_scale[i]].name);
 }
 
 static uint8_t point_flags(const struct config_value *values, enum modbus_table table, bool never_read)
@@ -288,8 +298,12 @@ static void check_names(struct modbus_loader *loader, const struct config_place 
 			const struct config_value *values, enum map_type type)
 {
 	const struct config_place here = modbus_object_key(object, OBJECT_NAMES);
+	const struct config_place step = modbus_object_key(object, OBJECT_STEP);
 
 	config_check_meanings(loader->report, &here, type, values[OBJECT_NAMES].json);
+	if (values[OBJECT_STEP].given)
+		config_error(loader->report, &step,
+			     "has no meaning beside names: it would reach values without one");
 }
 
 static void check_object(struct modbus_loader *loader, const struct config_place *place,

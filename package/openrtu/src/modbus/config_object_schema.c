@@ -142,11 +142,23 @@ CONFIG_TABLE(
 						    "required" : ["write_at_return"],
 						    "properties" : {"write_at_return" : {"const" : true}}
 					    }
-				    ],
+				    ]
+			    }
+		    },
+		    {
+			    "if" : {
+				    "anyOf" : [
+					    {"required" : ["write_values"]},
+					    {"required" : ["write_at_return"]},
+					    {"required" : ["write_every_ms"]}
+				    ]
+			    },
+			    "then" : {
 				    "properties" :
 					{"scale_register" : false, "scale_by" : false, "factor_by" : false}
 			    }
-		    }
+		    },
+		    {"if" : {"required" : ["names"]}, "then" : {"properties" : {"step" : false}}}
 	    ]
     }));
 

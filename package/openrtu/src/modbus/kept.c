@@ -29,13 +29,19 @@ void modbus_keep_command(struct modbus_line *line, int64_t now_ns)
 	}
 }
 
+/* Those of a device that are not answered share what one may cost the line. */
+static int64_t kept_due_ns(const struct modbus_device *device, const struct modbus_kept *kept)
+{
+	return kept->failures > device->retries ? later(kept->due_ns, device->kept_free_ns) : kept->due_ns;
+}
+
 /* It waits for its device as a command does. */
 static bool may_be_written(const struct modbus_device *device, const struct modbus_kept *kept, int64_t now_ns)
 {
 	const struct modbus_request *next = modbus_kept_request(kept);
 	struct modbus_request request;
 
-	if (!device->alive || next == NULL || now_ns < kept->due_ns)
+	if (!device->alive || next == NULL || now_ns < kept_due_ns(device, kept))
 		return false;
 	request = *next;
 	modbus_choose_function(device, &request);
@@ -60,9 +66,12 @@ int64_t modbus_next_kept_ns(const struct modbus_device *device, int64_t now_ns)
 {
 	int64_t due_ns = MODBUS_NEVER;
 
-	for (uint32_t i = 0; device->alive && i < device->kept_count; i++)
-		if (modbus_kept_request(&device->kept[i]) != NULL && device->kept[i].due_ns > now_ns)
-			due_ns = earlier(due_ns, device->kept[i].due_ns);
+	for (uint32_t i = 0; device->alive && i < device->kept_count; i++) {
+		const int64_t one_ns = kept_due_ns(device, &device->kept[i]);
+
+		if (modbus_kept_request(&device->kept[i]) != NULL && one_ns > now_ns)
+			due_ns = earlier(due_ns, one_ns);
+	}
 	return due_ns;
 }
 
@@ -76,18 +85,19 @@ static int64_t refused_until_ns(struct modbus_kept *kept, uint8_t exception, int
 }
 
 /* Again and again in vain, it costs the line no more than a dead device would. */
-static int64_t silent_until_ns(const struct modbus_line *line, struct modbus_kept *kept, int64_t now_ns)
+static int64_t silent_until_ns(const struct modbus_line *line, struct modbus_device *device,
+			       struct modbus_kept *kept, int64_t now_ns)
 {
-	int64_t due_ns = next_time_ns(kept, now_ns), share_ns = 0;
+	int64_t due_ns = next_time_ns(kept, now_ns);
 
 	kept->failures++;
 	if (kept->period_ns == 0) {
 		kept->backoff_ns = modbus_next_backoff(kept->backoff_ns);
 		due_ns = now_ns + kept->backoff_ns;
 	}
-	if (kept->failures > line->devices[line->device].retries)
-		share_ns = (MODBUS_DEAD_SHARE - 1) * (now_ns - begun_ns(line));
-	return later(due_ns, now_ns + share_ns);
+	if (kept->failures > device->retries)
+		device->kept_free_ns = now_ns + (MODBUS_DEAD_SHARE - 1) * (now_ns - begun_ns(line));
+	return due_ns;
 }
 
 static void tell(struct modbus_line *line, struct modbus_kept *kept, enum modbus_result result,
@@ -117,7 +127,7 @@ void modbus_kept_ended(struct modbus_line *line, enum modbus_result result, uint
 		device->counters.kept++;
 	} else {
 		kept->due_ns = result == MODBUS_REFUSED ? refused_until_ns(kept, exception, now_ns)
-							: silent_until_ns(line, kept, now_ns);
+							: silent_until_ns(line, device, kept, now_ns);
 		device->counters.kept_failed++;
 	}
 	tell(line, kept, result, exception, now_ns);

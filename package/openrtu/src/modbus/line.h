@@ -167,6 +167,7 @@ struct modbus_device {
 	struct modbus_read *reads; /* room for object_count of them */
 	struct modbus_kept *kept;  /* in the order in which they are written; NULL: none */
 	uint32_t kept_count;
+	int64_t kept_free_ns; /* until then none of them is tried that was not answered */
 
 	/* For the caller to look at. */
 	struct modbus_device_counters counters;

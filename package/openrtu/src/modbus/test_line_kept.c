@@ -291,6 +291,25 @@ static void test_a_device_that_knows_neither_function_is_asked_once_a_period(voi
 	assert_int_equal(bus.kept_news[0], 1);
 }
 
+/* Several of one device share what one may cost. */
+static void test_all_that_a_device_does_not_answer_costs_as_little(void **state)
+{
+	(void)state;
+	set_up();
+	add_device_to_read(UNIT, 0);
+	for (uint16_t i = 0; i < 4; i++)
+		add_kept(MODBUS_WRITE_REGISTER, (uint16_t)(WATCHDOG + i), 1, 200 * MS, TAG + i);
+	bus.slaves[0].unknown = BIT(MODBUS_WRITE_REGISTER);
+	bus.slaves[0].dumb = true;
+	start();
+	run_for(10 * SECOND);
+	forget_trace();
+	run_for(600 * SECOND);
+	assert_true(bus.devices[0].alive);
+	assert_true(written() > 0);
+	assert_true(written() * TIMEOUT_NS <= 600 * SECOND / MODBUS_DEAD_SHARE);
+}
+
 /* Asked for more than the line has, reads keep half of it. */
 static void test_too_many_of_them_starve_nobody(void **state)
 {
@@ -367,6 +386,7 @@ int main(void)
 	    cmocka_unit_test(test_a_refusal_for_good_ends_it_until_the_device_is_back),
 	    cmocka_unit_test(test_a_busy_device_is_asked_again),
 	    cmocka_unit_test(test_a_device_that_does_not_answer_it_lives_and_costs_little),
+	    cmocka_unit_test(test_all_that_a_device_does_not_answer_costs_as_little),
 	    cmocka_unit_test(test_an_answer_that_was_lost_delays_nothing),
 	    cmocka_unit_test(test_the_function_is_learned_as_for_commands),
 	    cmocka_unit_test(test_a_device_that_knows_neither_function_is_asked_once_a_period),

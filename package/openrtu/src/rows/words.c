@@ -266,8 +266,16 @@ bool words_parse_value(enum map_type type, const char *text, union map_value *ou
 bool words_parse_point(const struct map_config *config, uint32_t point, const char *text,
 		       union map_value *out)
 {
-	return words_parse_value((enum map_type)config->points[point].type, text, out) ||
-	       map_meaning_value(config, point, text, out);
+	const enum map_type type = (enum map_type)config->points[point].type;
+	const struct map_meaning *meanings;
+	long long number;
+
+	if (map_meaning_value(config, point, text, out))
+		return true;
+	/* Of two states the numbers are those that the names have, and not off and on. */
+	if (map_meanings_of(config, point, &meanings) > 0 && parse_integer(text, type, &number))
+		return map_value_of(type, (double)number, out);
+	return words_parse_value(type, text, out);
 }
 
 /* As many names as there is room for. */

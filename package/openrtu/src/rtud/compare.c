@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "map/limits.h"
+#include "map/meaning.h"
 #include "map/supervise.h"
 #include "rtud/kinds.h"
 
@@ -114,6 +115,22 @@ static bool same_ranges(const struct map_config *a, uint32_t in_a, const struct 
 	       same_float(one->low, other->low) && same_float(one->low_low, other->low_low);
 }
 
+/* What people are told of a point's values. */
+static bool same_words(const struct map_config *a, uint32_t in_a, const struct map_config *b, uint32_t in_b)
+{
+	const struct map_point *one = &a->points[in_a], *other = &b->points[in_b];
+	const struct map_meaning *meanings, *others;
+	const uint32_t count = map_meanings_of(a, in_a, &meanings);
+
+	if (one->decimals != other->decimals || strcmp(map_unit_of(a, one), map_unit_of(b, other)) != 0 ||
+	    map_meanings_of(b, in_b, &others) != count)
+		return false;
+	for (uint32_t i = 0; i < count; i++)
+		if (meanings[i].number != others[i].number || strcmp(meanings[i].text, others[i].text) != 0)
+			return false;
+	return true;
+}
+
 static bool same_set(const struct map_config *a, const struct map_set *set, const struct map_config *b,
 		     const struct map_set *other)
 {
@@ -123,6 +140,7 @@ static bool same_set(const struct map_config *a, const struct map_set *set, cons
 	for (uint32_t i = 0; i < set->point_count; i++)
 		if (!same_point(&a->points[set->first_point + i], &b->points[other->first_point + i]) ||
 		    !same_ranges(a, set->first_point + i, b, other->first_point + i) ||
+		    !same_words(a, set->first_point + i, b, other->first_point + i) ||
 		    !same_name(a, set->first_point + i, b, other->first_point + i))
 			return false;
 	return true;

@@ -18,10 +18,16 @@ static bool number_of(const struct map *map, uint32_t point, const struct modbus
 		return false;
 	other = config->sets[config->points[point].set].first_point + extra->links[link] - 1u;
 	sample = map_own_sample(map, other);
-	*number = sample.quality & MAP_INVALID
+	/* Beyond its limits a value is not what the device has. */
+	*number = sample.quality & (MAP_INVALID | MAP_OVERFLOW)
 		      ? UNKNOWN
 		      : map_number((enum map_type)config->points[other].type, sample.value);
 	return true;
+}
+
+static bool is_broken(double number)
+{
+	return number < map_nearest(number) || number > map_nearest(number);
 }
 
 int8_t scaling_apply(const struct map *map, uint32_t point, int8_t exponent, struct modbus_point *wire)
@@ -38,7 +44,7 @@ int8_t scaling_apply(const struct map *map, uint32_t point, int8_t exponent, str
 	}
 	if (!number_of(map, point, extra, MODBUS_SCALE_BY, &number))
 		return exponent;
-	if (!(number >= -CONVERT_EXPONENT_MAX && number <= CONVERT_EXPONENT_MAX))
+	if (!(number >= -CONVERT_EXPONENT_MAX && number <= CONVERT_EXPONENT_MAX) || is_broken(number))
 		return CONVERT_NO_EXPONENT;
 	return (int8_t)map_nearest(number);
 }
