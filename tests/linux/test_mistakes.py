@@ -233,6 +233,18 @@ WITHOUT_SYMPTOM = {
     "wrong-console": "the tests give the kernel a command line of their own",
     "wrong-alias": "U-Boot's, which these boots are without",
     "bad-mac": "a random address serves as well",
+    "schema": "what a binding says has the symptom of a rule above, or none here",
+    "wrong-value": "the driver goes on with its default",
+    "unknown-node": "the tests give the kernel a command line of their own, and QEMU its memory",
+    "cut-command-line": "the tests give the kernel a command line of their own",
+    "unknown-parameter": "the same",
+    "wrong-root": "the same",
+    "mtdparts-moved": "the same",
+    "reserved-over-boot": "these boots are without U-Boot, which puts the kernel there",
+    "wrong-boot-command": "U-Boot's, which these boots are without",
+    "expander-line": "of I2C, for which our port has no drivers yet",
+    "ecc-beyond-spare": "these boards have no chip at the NAND's pins",
+    "wrong-initrd": "the board boots from memory here: QEMU writes where the RAM disk is",
 }
 
 # Whether what is written comes out, and what comes in is read: within its time, from one opening.
