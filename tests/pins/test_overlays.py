@@ -88,6 +88,34 @@ def test_what_only_their_sum_does_wrong_names_the_others(base: Path, tmp_path: P
     assert f"{clock}: no findings" in done.stdout
 
 
+def test_an_overlay_that_needs_an_earlier_one_is_checked_behind_it(base: Path, tmp_path: Path) -> None:
+    labelled = KEY.replace("keys-front {", "front: keys-front {")
+    front = overlay(tmp_path, "front.dtbo", labelled)
+    more = overlay(tmp_path, "more.dtbo", "&front { go { gpios = <&gpio 139 1>; linux,code = <29>; }; };")
+    done = run("check", "--chip-only", "--overlay", base, front, more)
+    assert done.returncode == FOUND
+    [line] = [line for line in done.stdout.splitlines() if ": gpio-conflict: " in line]
+    assert line.startswith(f"{more}: ") and line.endswith(f"(together with {front})")
+    assert f"{more} (behind {front}): 1 finding" in done.stdout
+    done = run("check", "--chip-only", "--overlay", base, more, front)
+    assert (done.returncode, "has no such label" in done.stderr) == (UNUSABLE, True)
+
+
+@pytest.mark.parametrize("path", ["", "apb", "serial9", "nosuch/x"])
+def test_a_target_path_is_whole_or_begins_with_an_alias(base: Path, tmp_path: Path, path: str) -> None:
+    fragment = f'fragment@0 {{ target-path = "{path}"; __overlay__ {{ a; }}; }};'
+    done = run("check", "--overlay", base, overlay(tmp_path, "x.dtbo", f"/ {{ {fragment} }};"))
+    assert (done.returncode, "the target-path of fragment@0" in done.stderr) == (UNUSABLE, True)
+
+
+def test_a_target_path_of_an_alias(base: Path, tmp_path: Path) -> None:
+    subprocess.run(["fdtput", "-p", "-t", "s", base, "/aliases", "port", "/apb/serial@b0071000"], check=True)
+    fragment = 'fragment@0 { target-path = "port"; __overlay__ { mark; }; };'
+    tree = applied(read_dtb(base), read_dtb(overlay(tmp_path, "x.dtbo", f"/ {{ {fragment} }};")))
+    port = tree.find("/apb/serial@b0071000")
+    assert port and "mark" in port.properties
+
+
 def test_a_finding_knows_the_line_of_an_overlays_source(tmp_path: Path) -> None:
     source = tmp_path / "card.dtso"
     source.write_text(PLUGIN + SD_CARD)

@@ -24,19 +24,30 @@ def check_overlays(
 ) -> list[Checked]:
     """
     The findings of the base, and for each overlay those that it brings alone, or only together with those
-    before it. Raises UnusableInput for an overlay that does not fit the base.
+    before it. Raises UnusableInput for an overlay that fits neither the base nor those before it.
     """
     found = check(base)
     checked = [Checked(base.file, tuple(found))]
     known, together = set(map(_what, found)), base
     for number, overlay in enumerate(overlays):
-        alone = [finding for finding in check(applied(base, overlay)) if _what(finding) not in known]
+        by_itself = _alone(base, overlay) if number else applied(base, overlay)
+        alone = [one for one in check(by_itself) if _what(one) not in known] if by_itself else []
         together = applied(together, overlay)
         known_now = known | set(map(_what, alone))
         joint = [finding for finding in check(together) if _what(finding) not in known_now] if number else []
-        checked.append(Checked(overlay.file, (*alone, *(_together(one, overlays[:number]) for one in joint))))
+        found = [*alone, *(_together(one, overlays[:number]) for one in joint)]
+        behind = () if by_itself else tuple(tree.file for tree in overlays[:number])
+        checked.append(Checked(overlay.file, tuple(found), behind=behind))
         known = known_now | set(map(_what, joint))
     return checked
+
+
+def _alone(base: Tree, overlay: Tree) -> Tree | None:
+    """The base with an overlay; None: it needs what an earlier one brings."""
+    try:
+        return applied(base, overlay)
+    except UnusableInput:
+        return None
 
 
 def _what(finding: Finding) -> tuple[str, str, str]:
@@ -141,7 +152,7 @@ class _Joint:
                 f"compile {self.base.file} again with dtc -@",
             )
         path = next(iter(symbols.strings(label)), "")
-        node = self.base.find(path) if path.startswith("/") else None
+        node = self._node(path)
         if node is None:
             raise self._refuse(
                 f"it refers to {label}, but {self.base.file} has no such label"
@@ -160,10 +171,10 @@ class _Joint:
     def _target(self, fragment: Node) -> Node:
         self._body(fragment)
         for path in fragment.strings("target-path")[:1]:
-            if node := self.base.find(path):
+            if node := self._node(path):
                 return node
             raise self._refuse(
-                f"the target-path of {fragment.name}, {path}, is not in {self.base.file}",
+                f"the target-path of {fragment.name}, {path or 'empty'}, is not in {self.base.file}",
                 "correct the path, or name the base that has it",
             )
         for handle in fragment.cells("target")[:1]:
@@ -173,6 +184,13 @@ class _Joint:
                 f"the target of {fragment.name} is handle {handle:#x}, which nothing has"
             )
         raise self._refuse(f"{fragment.name} has no target", "give it target = <&LABEL> or target-path")
+
+    def _node(self, path: str) -> Node | None:
+        """Of a whole path, or one that begins with an alias, as libfdt finds it."""
+        alias, slash, below = path.partition("/")
+        aliases = self.base.find("/aliases") if alias else None
+        whole = "".join((*aliases.strings(alias)[:1], slash, below)) if aliases else path
+        return self.base.find(whole) if whole.startswith("/") else None
 
     def _body(self, fragment: Node) -> Node:
         for child in fragment:

@@ -24,6 +24,7 @@ class Checked:
     file: Path
     findings: tuple[Finding, ...]  # those that the pin table accepts as well
     from_source: bool = False
+    behind: tuple[Path, ...] = ()  # the overlays without which this one does not fit the base
 
     @property
     def open(self) -> list[Finding]:
@@ -51,8 +52,13 @@ def _text_of(checked: Checked) -> list[str]:
         lines += [f"    To do: {finding.remedy}", ""]
     for finding in checked.accepted:
         lines.append(f"{_where(checked, finding)}: {finding.rule}: accepted: {finding.accepted}")
-    lines.append(f"{checked.file}: {_count(len(checked.open), 'finding')}{_accepted_count(checked)}")
+    count = f"{_count(len(checked.open), 'finding')}{_accepted_count(checked)}"
+    lines.append(f"{checked.file}{_behind(checked)}: {count}")
     return lines
+
+
+def _behind(checked: Checked) -> str:
+    return f" (behind {', '.join(map(str, checked.behind))})" if checked.behind else ""
 
 
 def _where(checked: Checked, finding: Finding) -> str:
