@@ -250,3 +250,46 @@ def test_memory_has_an_end(write: Callable[[str, str], Path]) -> None:
 def test_what_is_quoted_does_not_reach_the_terminal(write: Callable[[str, str], Path]) -> None:
     told = refusal(write("x.dts", '#error "\x1b[31mboo"\n'))
     assert "boo" in told and "\x1b" not in told
+
+
+@pytest.mark.parametrize("odd", ["\u00a0", "\u0085", "\u2028"])
+def test_a_byte_that_ends_dtcs_reading_is_refused(write: Callable[[str, str], Path], odd: str) -> None:
+    file = write(
+        "x.dts", f'/dts-v1/;\n/ {{ }};\n#define A "é" /* é */\n{odd}\n/ {{ model = "ü", A; }}; // é\n'
+    )
+    told = refusal(file)
+    assert f"x.dts:4 has U+{ord(odd):04X}, outside comments and strings" in told
+    file.write_text(file.read_text().replace(odd, ""))
+    assert read_tree(file).root.strings("model") == ["ü", "é"]
+
+
+def test_such_a_byte_in_an_included_file(write: Callable[[str, str], Path]) -> None:
+    more = write("more.dtsi", "/* é */\n\u00a0\n/ { };\n")
+    for include in ("#include", "/include/"):
+        file = write("x.dts", f'/dts-v1/;\n/ {{ }};\n{include} "{more}"\n')
+        assert f"{more}:2 has U+00A0, outside" in refusal(file)
+    for byte, said in ((b"\xff", "byte 0xff"), (b"\0", "U+0000")):
+        more.write_bytes(byte)
+        assert f"{more}:1 has {said}, outside" in refusal(file)
+
+
+def test_a_missing_group_leaves_the_paths_of_others(write: Callable[[str, str], Path]) -> None:
+    aliases = (
+        "/ { aliases { serial0 = &port; }; port: port { pinctrl-0 = <&none>; pinctrl-1 = <&port>; }; };\n"
+    )
+    file = write("x.dts", f"/dts-v1/;\n{aliases}")
+    tree = read_tree(file, symbols=True)
+    port, names = tree.find("/port"), tree.find("/aliases")
+    assert port and names
+    assert names.strings("serial0") == ["/port"]
+    assert port.cells("pinctrl-0") == [MISSING_PHANDLE]
+    assert port.cells("pinctrl-1") == port.cells("phandle")
+    assert [node.name for node in tree.root] == ["aliases", "port", "__symbols__"]
+    assert [*tree.root.children[-1].properties] == ["port"]
+    file.write_text(file.read_text() + "/ { chosen { stdout-path = &gone; }; };\n")
+    assert "gone" in refusal(file)
+
+
+def test_a_missing_group_by_its_path(write: Callable[[str, str], Path]) -> None:
+    port = read_tree(write("x.dts", "/dts-v1/;\n/ { port { pinctrl-0 = <&{/none}>; }; };\n")).find("/port")
+    assert port and port.cells("pinctrl-0") == [MISSING_PHANDLE]

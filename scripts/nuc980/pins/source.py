@@ -15,7 +15,7 @@ from pathlib import Path
 
 from nuc980.errors import UnusableInput
 from nuc980.pins.dtb import MAGIC, parse_dtb, read_dtb
-from nuc980.pins.tree import BODY, Node, Place, Tree
+from nuc980.pins.tree import BODY, CELL, Node, Place, Tree
 
 PATIENCE = 30  # seconds for each program: macros can expand for ever
 MEMORY = 1 << 20  # KiB for each program: an #include of /dev/zero takes all there is
@@ -27,6 +27,18 @@ INSTALL = {"cpp": "install cpp", "dtc": "install device-tree-compiler"}
 MISSING_PHANDLE = 0xFFFFFFFF  # what dtc -f writes for a reference to a label that does not exist
 FORCED = "ERROR ("  # an error that dtc -f goes on after
 MISSING_LABEL = "ERROR (phandle_references)"
+
+STAND_IN = "nuc980-pins-stand-in-"  # the name of a node for a label that does not exist, and a number
+NO_LABEL = re.compile(r'non-existent node or label "([\w]+)"')
+
+# What dtc reads as one word: strings, comments; a line of cpp's that tells the place; what it ends at without
+# a word, as if the file were over: a NUL, or a byte that is no ASCII.
+WORDS = re.compile(
+    rb'"(?:[^"\\]|\\.)*"|/\*.*?\*/|//[^\n]*'
+    rb'|^\#(?:line)?[ \t]+(?P<line>\d+)[ \t]+"(?P<file>(?:[^"\\\n]|\\.)*)"[^\n]*\n'
+    rb'|/include/\s*"(?P<included>[^"\n]+)"|(?P<odd>[\x00\x80-\xff]+)',
+    re.DOTALL | re.MULTILINE,
+)
 
 # A property of dtc -T -T: "ranges;", "label: pins = <1 2>;"
 PROPERTY = re.compile(r"(?:\w+: )*(?P<name>[^\s:;]+)(?: =|;)")
@@ -75,6 +87,10 @@ def read_source(
     what cpp or dtc say.
     """
     source = _preprocessed(file, include, defines)
+    if odd := _odd_byte(file, source, [file.parent, *include]):
+        raise UnusableInput(
+            f"{file}: {odd}, outside comments and strings: dtc stops reading there without a word; remove it"
+        )
     folders = [f"-i{folder}" for folder in (file.parent, *include)]
     compiled = _run([*DTC, *folders, "-f", *["-@"] * symbols, "-O", "dtb", "-"], file, source)
     forced = [line for line in compiled.messages if FORCED in line]
@@ -85,6 +101,10 @@ def read_source(
     # A group of pins that is missing is for the check to name, at its line; what else is missing is not.
     if _missing_groups(tree) < len(forced):
         raise mistakes
+    if forced and all(map(NO_LABEL.search, forced)):
+        tree = _with_stand_ins(
+            file, source, folders, sorted(set(NO_LABEL.findall("\n".join(forced)))), symbols
+        )
     annotated = _run([*DTC, *folders, "-f", "-T", "-T", "-O", "dts", "-"], file, source)
     _annotate(tree, annotated.output.decode(errors="replace"))
     return Tree(file, tree.root, from_source=True)
@@ -142,6 +162,57 @@ def _preprocessed(file: Path, include: Sequence[Path], defines: Sequence[str]) -
             "correct the first of these lines; for a missing include, pass its folder with -I FOLDER"
         )
     return done.output
+
+
+def _with_stand_ins(
+    file: Path, source: bytes, folders: Sequence[str], labels: Sequence[str], symbols: bool
+) -> Tree:
+    """
+    The tree of a source whose groups of these labels are missing. After a missing label, dtc -f resolves no
+    path (serial0 = &uart0): so each gets a node, whose handle then becomes MISSING_PHANDLE.
+    """
+    nodes = " ".join(f"{label}: {STAND_IN}{number} {{ }};" for number, label in enumerate(labels))
+    compiled = _run(
+        [*DTC, *folders, *["-@"] * symbols, "-O", "dtb", "-"], file, source + f"\n/ {{ {nodes} }};\n".encode()
+    )
+    if compiled.failed:
+        raise UnusableInput(f"{file}: dtc says\n{compiled.errors}\ncorrect the first of these lines")
+    tree = parse_dtb(compiled.output, file)
+    stand_ins = [node for node in tree.root if node.name.startswith(STAND_IN)]
+    handles = {handle for node in stand_ins for handle in node.cells("phandle")}
+    for node in tree.root.walk():
+        for name in (name for name in node.properties if name.startswith("pinctrl-")):
+            for place, handle in enumerate(node.cells(name)):
+                if handle in handles:
+                    node.properties[name].set_cell(place * CELL, MISSING_PHANDLE)
+    tree.root.children = [node for node in tree.root if node not in stand_ins]
+    if notes := tree.find("/__symbols__"):
+        notes.properties = {name: its for name, its in notes.properties.items() if name not in labels}
+    return tree
+
+
+def _odd_byte(file: Path, source: bytes, folders: Sequence[Path], deepest: int = 8) -> str | None:
+    """The place of the first byte that ends dtc's reading in silence, also in a file of /include/."""
+    name, line, counted = str(file), 1, 0
+    for found in WORDS.finditer(source):
+        if found["file"]:
+            name, line, counted = os.fsdecode(found["file"]), int(found["line"]), found.end()
+        elif found["odd"]:
+            here = line + source.count(b"\n", counted, found.start())
+            return f"{name}:{here} has {_shown_bytes(found['odd'])}"
+        elif found["included"] and deepest:
+            wanted = os.fsdecode(found["included"])
+            inner = next((one for folder in folders if (one := folder / wanted).is_file()), None)
+            if inner and (odd := _odd_byte(inner, inner.read_bytes(), folders, deepest - 1)):
+                return odd
+    return None
+
+
+def _shown_bytes(odd: bytes) -> str:
+    try:
+        return " ".join(f"U+{ord(letter):04X}" for letter in odd.decode()[:4])
+    except UnicodeDecodeError:
+        return " ".join(f"byte {byte:#04x}" for byte in odd[:4])
 
 
 def _missing_groups(tree: Tree) -> int:
