@@ -77,7 +77,7 @@ def test_machine_forms_are_json_also_beside_an_unusable_file(bad: Path, form: st
             "--part NUC970: known parts are NUC980DR61YC",
         ),
         (("map", "-o", "map.pdf"), "map.pdf: the name must end in .svg or .html"),
-        (("map", "-o", "none/map.svg"), "none/map.svg: No such file or directory; name another file with -o"),
+        (("map", "-o", "none/map.svg"), "none/map.svg: No such file or directory; name another file"),
         (("explain", "UART8_TDX"), "UART8_TXD"),
         (("diff", "none.dtb", "none.dtb"), "none.dtb: No such file or directory"),
         (("import", "none.dtb"), "none.dtb: No such file or directory"),

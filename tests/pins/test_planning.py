@@ -22,7 +22,7 @@ PART = "NUC980DK61YC"
 def assert_can_be(plan: Plan, folder: Path) -> None:
     """The table is one that load_board takes: every signal where it can be, no pin twice, all brought out."""
     table = folder / "plan.yml"
-    table.write_text(plan.table())
+    table.write_text(plan.table(folder))
     board = load_board(table, CHIP)
     assert {label: device.pins for label, device in board.devices.items()} == plan.devices
     assert board.gpios == plan.gpios
@@ -90,6 +90,7 @@ def test_any_wishes_have_a_plan_or_a_core_that_is_the_least(seed: int, tmp_path:
         ("many uart", "many is no number; write it with digits"),
         ("uart!", "'uart!' is no wish; write [NUMBER] KIND"),
         ("500 gpio", "500 wishes"),
+        ("3 smartcard", "3 smartcard cannot be had together: sc0, sc1"),
         (" , ", "no wish; write such as"),
     ],
 )
@@ -114,6 +115,46 @@ def test_what_a_table_has_stays(tmp_path: Path) -> None:
     assert not {*kept.reserved} & {*plan.gpios}
     with pytest.raises(UnusableInput, match="what could serve is in use"):
         plan_board(CHIP, PART, read_wishes(["nand"]), kept)
+
+
+def test_a_table_made_of_another_keeps_its_keys(tmp_path: Path) -> None:
+    folder = tmp_path / "other"
+    folder.mkdir()
+    kept = tmp_path / "kept.yml"
+    (tmp_path / "limits.toml").write_text(load_board(TABLE, CHIP).limits.file.read_text())
+    table = re.sub("(?m)^(not_connected|accepted):.*\n", "", TABLE.read_text()).replace(
+        "image-limits", "limits"
+    )
+    own = "\nnot_connected: [PG5, PG6, PG7]\naccepted: [{rule: no-pins, node: /a, reason: it's so}]\n"
+    kept.write_text(table + own)
+    assert run("plan", "can", "--keep", kept, "-o", folder / "new.yml").returncode == DONE
+    before, after = (load_board(file, CHIP) for file in (kept, folder / "new.yml"))
+    for key in ("console", "ethernet", "flash", "not_connected", "reserved", "accepted", "name", "part"):
+        assert getattr(after, key) == getattr(before, key), key
+    assert before.limits and after.limits and after.limits.file.samefile(before.limits.file)
+    assert "--part goes without --keep" in run("plan", "can", "--keep", kept, "--part", PART).stderr
+
+
+def test_a_file_of_wishes_in_another_coding(tmp_path: Path) -> None:
+    wishes = tmp_path / "wishes"
+    wishes.write_bytes(b"can # caf\xe9\n")
+    done = run("plan", "--wishes", wishes)
+    assert (done.returncode, f"{wishes} is no text in UTF-8 (byte 9); save" in done.stderr) == (
+        UNUSABLE,
+        True,
+    )
+    wishes.write_bytes("\ufeffcan\n".encode())
+    assert run("plan", "--wishes", wishes).returncode == DONE
+
+
+def test_nothing_is_written_if_the_table_exists(tmp_path: Path) -> None:
+    table, page = tmp_path / "pins.yml", tmp_path / "pins.html"
+    table.write_text("mine")
+    page.write_text("mine")
+    assert run("plan", "can", "-o", table, "--map", page).returncode == UNUSABLE
+    assert (table.read_text(), page.read_text()) == ("mine", "mine")
+    done = run("plan", "can", "--map", tmp_path / "none" / "x.svg")
+    assert (done.returncode, done.stderr.rstrip().endswith("; name another file")) == (UNUSABLE, True)
 
 
 def test_files(tmp_path: Path) -> None:

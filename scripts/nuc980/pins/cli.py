@@ -25,6 +25,7 @@ from nuc980.pins.source import read_tree
 
 ROOT = Path(__file__).resolve().parents[3]  # of the tree, for what is generated
 DONE, FOUND, UNUSABLE = 0, 1, 2
+PART = "NUC980DK61YC"  # whose table is planned or imported, if nobody says another
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -118,9 +119,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="FILE",
         help="a file with wishes, one a line; # begins a comment",
     )
-    command.add_argument(
-        "--part", default="NUC980DK61YC", help="the chip's part number (default: %(default)s)"
-    )
+    command.add_argument("--part", help=f"the chip's part number (default: {PART})")
     command.add_argument("--keep", type=Path, metavar="TABLE", help="a pin table whose devices and pins stay")
     command.add_argument("-o", "--output", type=Path, help="the pin table; an existing file is kept")
     command.add_argument("--map", type=Path, metavar="PICTURE", help="the picture, .svg, or the page, .html")
@@ -128,9 +127,7 @@ def _parser() -> argparse.ArgumentParser:
 
     command = add("import", "write a pin table from an existing device tree")
     command.add_argument("file", type=Path, metavar="FILE", help="a .dts or .dtb file")
-    command.add_argument(
-        "--part", default="NUC980DK61YC", help="the chip's part number (default: %(default)s)"
-    )
+    command.add_argument("--part", default=PART, help="the chip's part number (default: %(default)s)")
     command.add_argument(
         "-o", "--output", type=Path, help="default: standard output; an existing file is kept"
     )
@@ -289,21 +286,29 @@ def _plan(parsed: argparse.Namespace) -> int:
 
     chip = load_chip()
     _package(parsed.part, chip)
+    if parsed.part and parsed.keep:
+        raise UnusableInput("--part goes without --keep: a pin table names the part itself")
     kept = load_board(parsed.keep, chip) if parsed.keep else None
-    part = kept.part if kept else parsed.part
+    part = kept.part if kept else parsed.part or PART
     draw = _drawing(parsed.map) if parsed.map else None
-    written = (
-        [line.partition("#")[0] for line in parsed.file.read_text("utf-8").splitlines()]
-        if parsed.file
-        else []
-    )
+    written = _lines_of_wishes(parsed.file) if parsed.file else []
     plan = plan_board(chip, part, read_wishes([*parsed.wishes, *written]), kept)
+    if parsed.output:
+        _refuse_existing(parsed.output)
     print("\n".join(plan.lines()))
     if draw:
         _write(parsed.map, draw(chip, chip.packages[chip.parts[part]], plan.uses(), "The plan"))
     if parsed.output:
-        _write_new(parsed.output, plan.table())
+        _write_new(parsed.output, plan.table(parsed.output.parent))
     return DONE
+
+
+def _lines_of_wishes(file: Path) -> list[str]:
+    try:
+        lines = file.read_text("utf-8-sig").splitlines()
+    except UnicodeDecodeError as error:
+        raise UnusableInput(f"{file} is no text in UTF-8 (byte {error.start}); save it as UTF-8") from error
+    return [line.partition("#")[0] for line in lines]
 
 
 def _drawing(file: Path) -> Callable[..., str]:
@@ -365,13 +370,17 @@ def _import(parsed: argparse.Namespace) -> int:
 
 
 def _write_new(file: Path, text: str) -> None:
+    _refuse_existing(file)
+    _write(file, text)
+
+
+def _refuse_existing(file: Path) -> None:
     if file.exists():
         raise UnusableInput(f"{file} exists already and is not overwritten; name another file")
-    _write(file, text)
 
 
 def _write(file: Path, text: str) -> None:
     try:
         file.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise UnusableInput(f"{file}: {error.strerror}; name another file with -o") from error
+        raise UnusableInput(f"{file}: {error.strerror}; name another file") from error

@@ -6,9 +6,11 @@ is a matching. So the answer is exact: a plan, or the fewest wishes that cannot 
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import NoReturn
 
 from nuc980.errors import UnusableInput
@@ -93,12 +95,13 @@ class Plan:
             *(Use(pin, RESERVED, RESERVED, why) for pin, why in reserved.items()),
         ]
 
-    def table(self) -> str:
-        """The text of a pin table."""
+    def table(self, folder: Path) -> str:
+        """The text of a pin table for a folder, with all that a kept one has."""
         lines = ["# Made by nuc980-pins plan. docs/device-tree.md tells what else a pin table may have.", ""]
         lines += [
             f"board: {self.kept.name if self.kept else 'planned board'}",
             f"part: {self.part}",
+            *self._kept_keys(folder),
             "",
             "devices:",
         ]
@@ -108,7 +111,27 @@ class Plan:
         for key, pins in (("gpios", self.gpios), ("reserved", self.kept.reserved if self.kept else {})):
             lines += ["", f"{key}:{'' if pins else ' {}'}"]
             lines += [f"  {pin}: {_quoted(text)}" for pin, text in pins.items()]
-        return "\n".join([*lines, ""])
+        return "\n".join([*lines, *self._kept_lists(), ""])
+
+    def _kept_keys(self, folder: Path) -> Iterator[str]:
+        if self.kept and self.kept.limits:
+            # Linked folders would make a way by .. lead elsewhere.
+            name = os.path.relpath(self.kept.limits.file.resolve(), folder.resolve())
+            yield f"limits: {_quoted(name)}"
+        for key in ("flash", "console"):
+            if self.kept and (label := getattr(self.kept, key)):
+                yield f"{key}: {label}"
+        if self.kept and self.kept.ethernet:
+            yield f"ethernet: [{', '.join(self.kept.ethernet)}]"
+
+    def _kept_lists(self) -> Iterator[str]:
+        if self.kept and self.kept.not_connected:
+            yield from ("", f"not_connected: [{', '.join(in_order(self.kept.not_connected))}]")
+        if self.kept and self.kept.accepted:
+            yield from ("", "accepted:")
+        for one in self.kept.accepted if self.kept else ():
+            row = (f"{key}: {_quoted(getattr(one, key))}" for key in ("rule", "node", "reason"))
+            yield f"  - {{{', '.join(row)}}}"
 
 
 def _quoted(text: str) -> str:
@@ -257,6 +280,8 @@ class Planner:
         if wanted > len(blocks):
             return f"only {listed(sorted(blocks))} could serve" if blocks else "what could serve is in use"
         best = _Search(core, options).farthest()
+        if not best.needs:
+            return f"{listed(sorted(blocks))} could serve, but not so many at once: some share their signals"
         return (
             f"{ranged(best.pins)} {'are all that' if len(best.pins) > 1 else 'is all that'} "
             f"{listed(best.needs)} can be on ({listed(best.labels)})"
