@@ -18,6 +18,7 @@ from trees import CHIP, ROOT, TABLE, gateway
 from nuc980.pins.board import load_board
 from nuc980.pins.checking import Checker
 from nuc980.pins.editor import Source
+from nuc980.pins.tree import Place
 
 PATIENCE = 60
 BOARD = load_board(TABLE, CHIP)
@@ -94,6 +95,17 @@ def test_definition_of_another_label_is_in_the_sources(source: Source) -> None:
     assert place and place.file.endswith("soc.dtsi")
 
 
+def test_definition_of_a_label_of_the_open_file_is_in_that_file(source: Source) -> None:
+    source.marks(GOOD + "/ { mine: mine { }; };\n")
+    assert source.definition(*shown(source, "&mi|ne {")) == Place(str(source.file), GOOD.count("\n") + 1)
+
+
+@pytest.mark.parametrize("text", ["", "\n", "/dts-v1/;"])
+def test_a_mark_of_a_text_without_a_tree_is_at_a_line(source: Source, text: str) -> None:
+    [mark] = source.marks(text)
+    assert (mark.rule, mark.line >= 0) == ("unusable", True)
+
+
 def test_proposals(source: Source) -> None:
     source.marks(GOOD)
 
@@ -116,6 +128,10 @@ def test_repairs(source: Source) -> None:
     assert (line, new) == (mark.line, "\tport-number = <4>;\n")
     assert "it must be 4" in said
     assert source.repairs(text, mark.line + 1) == []
+    assert source.repairs(f"\n{text}", mark.line) == []
+    broken = text.replace("&uart4 {", "&uart4 ")
+    source.marks(broken)
+    assert source.repairs(broken, mark.line) == []
 
 
 # ---- the protocol ------------------------------------------------------------------------------------

@@ -57,6 +57,7 @@ class Source:
     checker: Checker
     tree: Tree | None = None
     last: list[Mark] = field(default_factory=list)  # of that tree
+    checked: str = ""  # the text of that tree
 
     def marks(self, text: str) -> list[Mark]:
         """What a check finds in the text, which need not be saved."""
@@ -66,12 +67,13 @@ class Source:
             include = [self.file.parent, *self.checker.include]
             checker = replace(self.checker, include=include)
             try:
-                self.tree = read_tree(copy, include, checker.defines)
-                findings = checker.findings(self.tree)
+                tree = read_tree(copy, include, checker.defines)
+                findings = checker.findings(tree)
             except UnusableInput as error:
                 return [self._unusable(str(error), copy)]
-            self.last = [self._mark(one, copy, text) for one in findings if one.accepted is None]
-            return self.last
+            marks = [self._mark(one, copy, text) for one in findings if one.accepted is None]
+            self.tree, self.last, self.checked = tree, marks, text
+            return marks
 
     def _mark(self, finding: Finding, copy: Path, text: str) -> Mark:
         return Mark(
@@ -89,7 +91,12 @@ class Source:
         return None, 0
 
     def repairs(self, text: str, line: int) -> list[tuple[str, int, str]]:
-        """For each mark of a line with one right answer: what it says, the line, and what becomes of it."""
+        """
+        For each mark of a line with one right answer: what it says, the line, and what becomes of it. None of
+        a text that has changed since: its lines may be others.
+        """
+        if text != self.checked:
+            return []
         answers = [
             (mark.message, mark.fixed_line, mark.fix) for mark in self.last if mark.line == line and mark.fix
         ]
@@ -102,7 +109,7 @@ class Source:
     def _line(self, place: Place | None, copy: Path, text: str) -> int:
         """The finding's, or of one in an included file the line that includes it."""
         if place and Path(place.file).resolve() == copy.resolve():
-            return place.line - 1
+            return max(place.line - 1, 0)
         name = Path(place.file).name if place else None
         lines = enumerate(text.splitlines())
         return next((n for n, line in lines if (at := INCLUDE.match(line)) and Path(at[1]).name == name), 0)
@@ -110,7 +117,9 @@ class Source:
     def _unusable(self, error: str, copy: Path) -> Mark:
         """At the first line that cpp or dtc name."""
         found = re.search(rf"{re.escape(copy.name)}:(\d+)", error)
-        return Mark(int(found[1]) - 1 if found else 0, "unusable", error.replace(str(copy), str(self.file)))
+        return Mark(
+            max(int(found[1]) - 1, 0) if found else 0, "unusable", error.replace(str(copy), str(self.file))
+        )
 
     # ---- the word at the cursor ------------------------------------------------------------------------
 
@@ -143,8 +152,8 @@ class Source:
                 if row := self._row(name):
                     return row
             for node in self.tree.root.walk() if self.tree else ():
-                if word in node.labels and node.places:
-                    return node.places[0]
+                if self.tree and word in node.labels and node.places:
+                    return self._own(node.places[0], self.tree.file)
         return None
 
     def _row(self, name: str) -> Place | None:
