@@ -4,6 +4,11 @@
 from __future__ import annotations
 
 
+def printable(text: str, kept: str = "") -> str:
+    """What quotes a file and goes to a terminal: without the letters that would command it."""
+    return "".join(letter if letter.isprintable() or letter in kept else "?" for letter in text)
+
+
 class ToolError(Exception):
     """What happened, why probably, and what to do next; cause and next step default to those of the class."""
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -48,6 +49,19 @@ def test_environment_and_tree_are_one_claim(tmp_path: Path, was: str, becomes: s
 
 def test_variables_that_name_each_other_end(tmp_path: Path) -> None:
     assert rules(tmp_path, "bootargs=${a}\na=${b} ${b}\nb=${a} ${a}\n") == []
+
+
+def test_only_what_the_boot_command_runs_is_its_reading(tmp_path: Path) -> None:
+    assert rules(tmp_path, f"{FACTORY}rescue=nand read 0x7FC0 0x800800 0x100000\n") == []
+    ran = FACTORY.replace("run tree;", "run tree rescue;")
+    assert rules(tmp_path, f"{ran}rescue=nand read 0x7FC0 0x800800 0x100000\n") == ["wrong-boot-command"]
+
+
+def test_a_pipe_is_no_environment(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for file in (tmp_path / "pipe", "/dev/zero"):
+        done = run("check", "--environment", file, DTS)
+        assert (done.returncode, f"{file} is not a regular file" in done.stderr) == (UNUSABLE, True)
 
 
 def test_what_is_no_environment_is_refused(tmp_path: Path) -> None:

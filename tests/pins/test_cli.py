@@ -194,3 +194,10 @@ def test_a_reader_that_has_seen_enough(good: Path) -> None:
         text=True,
     )
     assert (done.stderr, len(done.stdout.splitlines())) == ("", 1)
+
+
+def test_what_a_tree_says_commands_no_terminal(tmp_path: Path) -> None:
+    more = r'/ { chosen { bootargs = "a\x1b]0;pwn\x07 consle=\x1b[31m"; }; };' + "\n"
+    done = run("check", "--chip-only", write(tmp_path / "board.dts", more))
+    assert "consle" in done.stdout
+    assert not {"\x1b", "\x07"} & {*done.stdout}

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from nuc980 import PIN_TABLE, VERSION
 from nuc980.boards import GATEWAY, board_names, pin_table
-from nuc980.errors import UnusableInput
+from nuc980.errors import UnusableInput, printable
 from nuc980.pins.board import Board, load_board
 from nuc980.pins.checking import Checker
 from nuc980.pins.chip import Chip, Package, load_chip
@@ -25,6 +25,7 @@ from nuc980.pins.source import read_tree
 
 ROOT = Path(__file__).resolve().parents[3]  # of the tree, for what is generated
 DONE, FOUND, UNUSABLE = 0, 1, 2
+LINES = "\n\t"  # what a text for a terminal has beside its letters
 PART = "NUC980DK61YC"  # whose table is planned or imported, if nobody says another
 
 
@@ -34,10 +35,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return parsed.run(parsed)
     except UnusableInput as error:
-        print(f"nuc980-pins: {error}", file=sys.stderr)
+        _tell(error)
     except OSError as error:
         print(f"nuc980-pins: {error.filename}: {error.strerror}", file=sys.stderr)
     return UNUSABLE
+
+
+def _tell(error: UnusableInput) -> None:
+    print(f"nuc980-pins: {printable(str(error), LINES)}", file=sys.stderr)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -224,7 +229,7 @@ def _check(parsed: argparse.Namespace) -> int:
             checked.append(_fix(one, checker, parsed.write) if parsed.fix else one)
         except UnusableInput as error:
             unusable += 1
-            print(f"nuc980-pins: {error}", file=sys.stderr)
+            _tell(error)
     report = FORMATS[parsed.format](checked) if checked else ""
     if report:
         print(report)
@@ -352,7 +357,7 @@ def _diff(parsed: argparse.Namespace) -> int:
     )
     changes = pin_diff(before, after, chip)
     for line in format_diff(changes):
-        print(line)
+        print(printable(line))
     return FOUND if changes else DONE
 
 

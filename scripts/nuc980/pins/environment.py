@@ -8,12 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from nuc980.errors import UnusableInput
+from nuc980.pins.source import refuse_pipe
 
 LARGEST = 1 << 20
 VARIABLE = re.compile(r"\$\{(\w+)\}|\$(\w+)")
 UNITS = {"k": 10, "m": 20, "g": 30}
 DEEPEST = 8  # expansions of a variable by others
 HEX = r"(?:0x)?([0-9a-fA-F]+)"
+RUN = re.compile(r"\brun((?:[ \t]+[\w.-]+)+)")
 READ = re.compile(rf"\bnand read(?:\.\w+)? {HEX} {HEX} {HEX}")  # to memory, from the flash, bytes
 
 
@@ -40,8 +42,10 @@ class Environment:
 
 def read_environment(file: Path) -> Environment:
     """Of a text as U-Boot's printenv prints it. Raises UnusableInput for what is none."""
+    refuse_pipe(file)
     try:
-        text = file.read_bytes()[:LARGEST].decode(errors="replace")
+        with file.open("rb") as stream:
+            text = stream.read(LARGEST).decode(errors="replace")
     except OSError as error:
         raise UnusableInput(f"{file}: {error.strerror}; name what printenv of U-Boot has printed") from error
     rows = (line.strip().partition("=") for line in text.splitlines())
@@ -56,10 +60,19 @@ def read_environment(file: Path) -> Environment:
         words.append(f"mtdparts={expanded['mtdparts'].removeprefix('mtdparts=')}")
     reads = (
         FlashRead(int(found[2], 16), int(found[3], 16))
-        for value in expanded.values()
-        for found in READ.finditer(value)
+        for name in _run_by("bootcmd", expanded)
+        for found in READ.finditer(expanded[name])
     )
     return Environment(str(file), tuple(words), tuple(dict.fromkeys(reads)))
+
+
+def _run_by(command: str, variables: dict[str, str]) -> list[str]:
+    """The variable with a command, and those that it runs."""
+    names = [command] if command in variables else []
+    for name in names:
+        ran = (one for found in RUN.finditer(variables[name]) for one in found[1].split())
+        names += [one for one in dict.fromkeys(ran) if one in variables and one not in names]
+    return names
 
 
 def bytes_of(text: str) -> int:

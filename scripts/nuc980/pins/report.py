@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from nuc980.errors import printable
 from nuc980.pins.findings import Claimant, Finding
 from nuc980.pins.rules import RULES
 from nuc980.pins.tree import Place
@@ -41,7 +42,7 @@ class Checked:
 
 def as_text(checked: Sequence[Checked]) -> str:
     """A paragraph a finding, a line a file."""
-    return "\n".join(line for one in checked for line in _text_of(one))
+    return "\n".join(printable(line, "\t") for one in checked for line in _text_of(one))
 
 
 def _text_of(checked: Checked) -> list[str]:

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from nuc980.errors import UnusableInput
+from nuc980.errors import UnusableInput, printable
 from nuc980.pins.dtb import MAGIC, parse_dtb, read_dtb
 from nuc980.pins.tree import BODY, CELL, Node, Place, Tree
 
@@ -67,14 +67,19 @@ def read_any(
 ) -> Tree:
     """As read_tree, of an overlay as well."""
     # A pipe can be read once: what tells source from DTB would be missing in what is read then.
-    if file.exists() and not (file.is_file() or file.is_dir()):
-        raise UnusableInput(f"{file} is not a regular file; write its content into one, and name that")
+    refuse_pipe(file)
     try:
         with file.open("rb") as stream:
             compiled = stream.read(len(MAGIC)) == MAGIC
     except OSError as error:
         raise UnusableInput(f"{file}: {error.strerror}; name a device tree that can be read") from error
     return read_dtb(file) if compiled else read_source(file, include, defines, symbols=symbols)
+
+
+def refuse_pipe(file: Path) -> None:
+    """Raises UnusableInput for what may have no end, or nobody who writes."""
+    if file.exists() and not (file.is_file() or file.is_dir()):
+        raise UnusableInput(f"{file} is not a regular file; write its content into one, and name that")
 
 
 def read_source(
@@ -124,7 +129,7 @@ class _Done:
         telling = [line for line in self.messages if "error" in line.lower()] or self.messages
         shown = "\n".join(f"  {line}" for line in telling[:SHOWN_ERRORS]) or "  nothing, but it failed"
         # The lines quote the source, and go to a terminal.
-        return "".join(letter if letter.isprintable() or letter == "\n" else "?" for letter in shown)
+        return printable(shown, "\n")
 
 
 def _run(command: Sequence[str], file: Path, data: bytes = b"") -> _Done:
