@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -75,10 +77,56 @@ def test_a_statement_that_is_missing_comes_into_its_node(tmp_path: Path) -> None
     assert b'memory@0 {\r\n        device_type = "memory";\r\n        reg' in file.read_bytes()
 
 
+def test_read_only_comes_into_a_partition_over_several_lines(tmp_path: Path) -> None:
+    boot = '\t\tboot@0 {\n\t\t\tlabel = "u-boot";\n\t\t\treg = <0 0x100000>;\n\t\t};\n'
+    code, text, _ = mend(tmp_path, f"&fmi {{\n\tpartitions {{\n{boot}\t}};\n}};\n")
+    assert "boot@0 {\n\t\t\tread-only;\n\t\t\tlabel" in text, code
+
+
+def test_a_memory_of_another_type_is_not_given_two(tmp_path: Path) -> None:
+    code, text, _ = mend(tmp_path, BOOT.replace('device_type = "memory"', 'device_type = "ram"'))
+    assert (code, text.count("device_type"), 'device_type = "memory"' in text) == (DONE, 1, True)
+
+
+def test_a_file_that_nobody_may_write_stays(tmp_path: Path) -> None:
+    file = write(tmp_path / "board.dts", '&uart5 { status = "disable"; };\n')
+    file.chmod(0o444)
+    before = file.read_bytes()
+    done = run("check", "--chip-only", "--fix", "--write", file)
+    assert (done.returncode, "is read-only; make it writable" in done.stderr) == (UNUSABLE, True)
+    assert file.read_bytes() == before
+
+
+def test_a_file_with_two_names_keeps_both_and_its_owner(tmp_path: Path) -> None:
+    file = write(tmp_path / "board.dts", '&uart5 { status = "disable"; };\n')
+    (tmp_path / "other.dts").hardlink_to(file)
+    assert run("check", "--chip-only", "--fix", "--write", file).returncode == DONE
+    assert file.samefile(tmp_path / "other.dts")
+    assert '"disabled"' in file.read_text()
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root gives files away")
+def test_a_file_of_another_stays_his(tmp_path: Path) -> None:
+    file = write(tmp_path / "board.dts", '&uart5 { status = "disable"; };\n')
+    os.chown(file, 65534, 65534)
+    assert run("check", "--chip-only", "--fix", "--write", file).returncode == DONE
+    assert (file.stat().st_uid, file.stat().st_gid) == (65534, 65534)
+
+
+def test_patch_takes_the_diff_of_a_file_with_crlf(tmp_path: Path) -> None:
+    file = write(tmp_path / "board.dts", '&uart5 { status = "disable"; };\n')
+    file.write_bytes(file.read_bytes().replace(b"\n", b"\r\n"))
+    shown = run("check", "--chip-only", "--fix", file).stdout
+    patch = shown[: shown.index(f"\n{file}:") + 1]
+    subprocess.run(["patch", "--binary", file], input=patch.encode(), check=True, capture_output=True)
+    assert b'"disabled"; };\r\n' in file.read_bytes()
+
+
 NOT_MENDED = {
     "several answers": SD_HOST_ON,
     "a macro": "#define SLOW bus_freq = <100>;\n" + I2C + BUS.replace("bus_freq = <100>;", "SLOW"),
     "over two lines": I2C + BUS.replace("<100>", "\n\t\t<100>"),
+    "the right one is there": "&fmi { nand-ecc-strenght = <4>; };",
     "twice in a line": "&uart5 { status = \"enabled\"; }; &uart7 { status = \"enabled\"; };",
 }  # fmt: skip
 

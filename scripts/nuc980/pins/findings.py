@@ -43,8 +43,9 @@ def deleted(name: str) -> Fix:
     return Fix(name, "")
 
 
-def added(statement: str) -> Fix:
-    return Fix(None, statement)
+def added(statement: str, node: Node) -> Fix:
+    """Into the node, where it begins: the finding may be at a property."""
+    return Fix(None, statement, place=node.place_of())
 
 
 @dataclass(frozen=True)

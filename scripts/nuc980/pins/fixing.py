@@ -13,10 +13,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from nuc980.errors import UnusableInput
 from nuc980.pins.findings import Finding, Fix
 
 Check = Callable[[Path], Sequence[Finding]]
 CODING = ("utf-8", "surrogateescape")  # bytes come back as they were
+UNPRINTED = re.compile(r"(?!\r\n)[^\n\t]")  # but for the ends of lines, which patch compares
 NO_END = "\n\\ No newline at end of file\n"
 
 
@@ -34,11 +36,19 @@ class Mended:
             _lines(self.before), _lines(self.after), str(self.file), str(self.file), lineterm="\n"
         )
         text = "".join(line if line.endswith("\n") else f"{line}{NO_END}" for line in lines)
-        return "".join(letter if letter.isprintable() or letter in "\n\t" else "?" for letter in text)
+        return UNPRINTED.sub(lambda found: found[0] if found[0].isprintable() else "?", text)
 
     def write(self) -> None:
-        """All of it or nothing; a link stays one."""
+        """All of it or nothing, unless the file has another name or owner; a link stays one."""
         target = self.file.resolve()
+        was = target.stat()
+        if not was.st_mode & 0o222:
+            raise UnusableInput(
+                f"{self.file} is read-only; make it writable (chmod u+w), or patch with the diff"
+            )
+        if was.st_nlink > 1 or (was.st_uid, was.st_gid) != (os.geteuid(), os.getegid()):
+            target.write_bytes(self.after.encode(*CODING))
+            return
         handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
         try:
             with os.fdopen(handle, "wb") as stream:

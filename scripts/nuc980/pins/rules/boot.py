@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from nuc980.pins.environment import bytes_of
-from nuc980.pins.findings import Claimant, Finding, added, at
+from nuc980.pins.findings import Claimant, Finding, added, at, valued
 from nuc980.pins.rules.context import Context, grouped, listed, off, rule, switched_off
 from nuc980.pins.rules.properties import is_one_off
 from nuc980.pins.tree import Node
@@ -126,7 +126,9 @@ def untyped_memory(context: Context) -> Iterator[Finding]:
                 **at(node, "device_type"),
                 message=f'{node.path} has no device_type = "memory"',
                 remedy=f'Set device_type = "memory" in {node.path}',
-                fix=added('device_type = "memory";'),
+                fix=valued("device_type", '"memory"')
+                if "device_type" in node.properties
+                else added('device_type = "memory";', node),
             )
 
 

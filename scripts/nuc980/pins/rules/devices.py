@@ -249,7 +249,9 @@ def missing_property(context: Context) -> Iterator[Finding]:
                 message=f"{peripheral.label} has no {listed(lacks)}",
                 remedy=f"Set {listed(f'{name} = <{_number(needed[name])}>' for name in lacks)} in "
                 f"{peripheral.label}",
-                fix=added(" ".join(f"{name} = <{_number(needed[name])}>;" for name in lacks)),
+                fix=None
+                if node.properties.keys() & set(lacks)
+                else added(" ".join(f"{name} = <{_number(needed[name])}>;" for name in lacks), node),
             )
 
 

@@ -275,7 +275,7 @@ def boot_writable(context: Context) -> Iterator[Finding]:
                 message=f"the partition {one} is writable and contains the boot loader, which ends at "
                 f"{limits.boot.end:#x}",
                 remedy=f"Add read-only; to {one.label}, or begin it at {limits.boot.end:#x}",
-                fix=added("read-only;") if one.label.casefold() == limits.boot.label else None,
+                fix=added("read-only;", one.node) if one.label.casefold() == limits.boot.label else None,
             )
 
 
@@ -302,7 +302,7 @@ def partitions_unread(context: Context) -> Iterator[Finding]:
                 **at(node),
                 message=f"{node.path} has {len(parts)} partition{'s' * (len(parts) > 1)}, and no compatible",
                 remedy=f'Set compatible = "{CONTAINER}" in {node.path}',
-                fix=added(f'compatible = "{CONTAINER}";'),
+                fix=None if "compatible" in node.properties else added(f'compatible = "{CONTAINER}";', node),
             )
 
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import yaml
 
 from nuc980.pins.chip import Chip, YamlLoader
-from nuc980.pins.findings import Finding, at, renamed, valued
+from nuc980.pins.findings import Finding, Fix, at, renamed, valued
 from nuc980.pins.rules.context import Context, off, rule
 from nuc980.pins.tree import Node
 
@@ -43,8 +43,16 @@ def unknown_property(context: Context) -> Iterator[Finding]:
                     message=f"{context.name(node)} has {name}, which nothing reads; it probably "
                     f"means {' or '.join(nearest)}",
                     remedy=f"Write {' or '.join(nearest)}, or delete {name}",
-                    fix=renamed(name, nearest[0]) if len(nearest) == 1 else None,
+                    fix=_only_answer(node, name, nearest),
                 )
+
+
+def _only_answer(node: Node, name: str, nearest: Sequence[str]) -> Fix | None:
+    """Of two values of a property, only a person knows the right one."""
+    if len(nearest) != 1:
+        return None
+    stands = node.properties.get(nearest[0])
+    return renamed(name, nearest[0]) if stands is None or stands.raw == node.properties[name].raw else None
 
 
 @functools.cache
