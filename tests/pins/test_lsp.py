@@ -175,6 +175,25 @@ def session(work: Callable[[Client], Awaitable[None]], *words: str) -> int | Non
     return asyncio.run(asyncio.wait_for(run(), PATIENCE))
 
 
+def test_names_that_are_no_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", "")
+    gone = types.TextDocumentIdentifier((tmp_path / "gone.dts").as_uri())
+    here = types.Position(0, 0)
+
+    async def work(client: Client) -> None:
+        for version, uri in enumerate(("file:///", "file:///a%00b.dts"), 1):
+            item = types.TextDocumentItem(uri, "dts", version, "/dts-v1/;\n/ { };\n")
+            client.text_document_did_open(types.DidOpenTextDocumentParams(item))
+            assert (await client.said(version)).uri == uri
+        assert await client.text_document_hover_async(types.HoverParams(gone, here)) is None
+        assert await client.text_document_definition_async(types.DefinitionParams(gone, here)) is None
+        assert not await client.text_document_code_action_async(
+            types.CodeActionParams(gone, types.Range(here, here), types.CodeActionContext([]))
+        )
+
+    assert session(work, "--chip-only") == 0
+
+
 def test_a_session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", "")
     file = write(tmp_path / "board.dts", "")

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from pathlib import Path
 
 from lsprotocol import types
@@ -16,6 +17,8 @@ from nuc980.pins.editor import Mark, Source
 from nuc980.pins.tree import Place
 
 PAUSE = 0.25  # seconds without a key, before what is written is checked
+LINE_ENDS = re.compile(r"\r\n|\r|\n")
+UNNAMED = "unnamed.dts"
 WIDEST = 1000  # a mark is of its whole line
 
 
@@ -29,10 +32,19 @@ class Editor:
         self.checks: dict[str, asyncio.Task[None]] = {}
 
     def source(self, uri: str) -> Source:
-        return self.sources.setdefault(uri, Source(Path(to_fs_path(uri) or uri), self.checker))
+        if uri not in self.sources:
+            self.sources[uri] = Source(_file(uri), self.checker)
+        return self.sources[uri]
+
+    def text(self, uri: str) -> str:
+        """As it is written; of a file that is neither open nor there, nothing."""
+        try:
+            return self.server.workspace.get_text_document(uri).source
+        except (OSError, ValueError):
+            return ""
 
     def line(self, at: types.TextDocumentPositionParams) -> str:
-        lines = self.server.workspace.get_text_document(at.text_document.uri).lines
+        lines = LINE_ENDS.split(self.text(at.text_document.uri))
         return lines[at.position.line] if at.position.line < len(lines) else ""
 
     def changed(self, uri: str, pause: float = PAUSE) -> None:
@@ -54,6 +66,12 @@ class Editor:
         self.sources.pop(uri, None)
         if check := self.checks.pop(uri, None):
             check.cancel()
+
+
+def _file(uri: str) -> Path:
+    """A name that cpp takes, also where the editor has none."""
+    file = Path((to_fs_path(uri) or uri).replace("\0", "?"))
+    return file if file.name else file / UNNAMED
 
 
 def _range(line: int) -> types.Range:
@@ -127,7 +145,7 @@ def serve(checker: Checker) -> None:
     @server.feature(types.TEXT_DOCUMENT_CODE_ACTION)
     async def repair(params: types.CodeActionParams) -> list[types.CodeAction]:
         uri, line = params.text_document.uri, params.range.start.line
-        text = server.workspace.get_text_document(uri).source
+        text = editor.text(uri)
         return [
             types.CodeAction(
                 f"nuc980-pins: {said}",
