@@ -90,6 +90,8 @@ def test_any_wishes_have_a_plan_or_a_core_that_is_the_least(seed: int, tmp_path:
         ("many uart", "many is no number; write it with digits"),
         ("uart!", "'uart!' is no wish; write [NUMBER] KIND"),
         ("500 gpio", "500 wishes"),
+        ("gpio with RTS", "gpio with RTS: a gpio has no signals; write gpio on PIN"),
+        ("103 gpio", "cannot be had together: the LQFP128 has 92 free pins"),
         ("3 smartcard", "3 smartcard cannot be had together: sc0, sc1"),
         (" , ", "no wish; write such as"),
     ],

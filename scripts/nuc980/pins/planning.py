@@ -198,6 +198,8 @@ class Planner:
             if pin not in self.chip.pins:
                 raise UnusableInput(f"{wish.text}: the chip has no pin {pin}{near(pin, self.chip.pins)}")
         if wish.kind == GPIO.lower():
+            if wish.signals:
+                raise UnusableInput(f"{wish.text}: a gpio has no signals; write gpio on PIN, or another kind")
             places = self._free((pin, GPIO) for pin in wish.pins or self.chip.pins)
             return [Choice(wish, "gpios", frozenset(), (Need(GPIO, places),))]
         blocks = list(self._blocks(wish.kind))
@@ -279,6 +281,8 @@ class Planner:
         wanted = sum(1 for wish in core if wish.kind != GPIO.lower())
         if wanted > len(blocks):
             return f"only {listed(sorted(blocks))} could serve" if blocks else "what could serve is in use"
+        if all(wish.kind == GPIO.lower() and not wish.pins for wish in core):
+            return f"the {self.package.name} has {len(options[core[0]][0].needs[0].places)} free pins"
         best = _Search(core, options).farthest()
         if not best.needs:
             return f"{listed(sorted(blocks))} could serve, but not so many at once: some share their signals"
