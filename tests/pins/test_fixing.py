@@ -11,6 +11,8 @@ import pytest
 from mutations_boot import BOOT
 from program import DONE, FOUND, SD_HOST_ON, UNUSABLE, compiled, run, write
 
+from rig.rights import SUPERUSER, needed
+
 I2C = "&pinctrl { i2c1 { i2c1_pins: i2c1-pins { nuvoton,pins = <1 4 2 0>, <1 6 2 0>; }; }; };\n"
 BUS = """&i2c1 {
     status = "okay"; /* slow */
@@ -105,7 +107,7 @@ def test_a_file_with_two_names_keeps_both_and_its_owner(tmp_path: Path) -> None:
     assert '"disabled"' in file.read_text()
 
 
-@pytest.mark.skipif(os.geteuid() != 0, reason="only root gives files away")
+@needed(SUPERUSER, "only root gives files away")
 def test_a_file_of_another_stays_his(tmp_path: Path) -> None:
     file = write(tmp_path / "board.dts", '&uart5 { status = "disable"; };\n')
     os.chown(file, 65534, 65534)

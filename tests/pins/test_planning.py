@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Functions to pins from wishes: a plan that the chip can have, or the fewest wishes that fight, and why."""
+"""Functions to pins from wishes: a plan that the chip can have, or wishes that fight, and why."""
 
 from __future__ import annotations
 
@@ -90,6 +90,9 @@ def test_any_wishes_have_a_plan_or_a_core_that_is_the_least(seed: int, tmp_path:
         ("many uart", "many is no number; write it with digits"),
         ("uart!", "'uart!' is no wish; write [NUMBER] KIND"),
         ("500 gpio", "500 wishes"),
+        ("uart with RTS, CTS", "'CTS' is no wish: a comma ends one; write: with RTS and CTS"),
+        ("uart on PF11, PF12", "'PF12' is no wish: a comma ends one"),
+        ("2 rmii, sdh, 11 uart", "sdh and 2 rmii cannot be had together"),
         ("gpio with RTS", "gpio with RTS: a gpio has no signals; write gpio on PIN"),
         ("103 gpio", "cannot be had together: the LQFP128 has 92 free pins"),
         ("3 smartcard", "3 smartcard cannot be had together: sc0, sc1"),

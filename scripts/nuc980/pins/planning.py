@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """
 Functions to pins from wishes. Which blocks of the chip serve is searched; whether their signals find pins
-is a matching. So the answer is exact: a plan, or the fewest wishes that cannot be had together, and why.
+is a matching. So the answer is exact: a plan, or wishes that cannot be had together, and why.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ KINDS = {
     "can": "CAN", "i2c": "I2C", "spi": "SPI", "qspi": "QSPI", "sd": "SD", "nand": "NAND", "i2s": "I2S",
     "pwm": "PWM", "camera": "VCAP", "ebi": "EBI", "smartcard": "SC", "adc": "ADC", "usb-lite": "USBHL",
 }  # fmt: skip
+PIN_OR_SIGNAL = re.compile(r"p[a-g]\d{1,2}|rts|cts|dtr|dsr|rxd|txd|ri|dcd", re.IGNORECASE)
 MOST_WISHES = 120
 PATIENCE = 50_000  # choices of devices
 
@@ -155,8 +156,15 @@ def read_wishes(texts: Sequence[str]) -> list[Wish]:
 def _read(text: str) -> list[Wish]:
     found = WISH.fullmatch(text.strip())
     if not found:
-        raise UnusableInput(f"{text.strip()!r} is no wish; write [NUMBER] KIND [with SIGNALS] [on PINS]")
+        raise UnusableInput(
+            f"{text.strip()!r} is no wish; write [NUMBER] KIND [with SIGNALS] [on PINS], with commas between "
+            "wishes only"
+        )
     number, kind = found["number"] or "one", found["kind"].lower()
+    if PIN_OR_SIGNAL.fullmatch(kind) and not (found["number"] or found["signals"]):
+        raise UnusableInput(
+            f"{text.strip()!r} is no wish: a comma ends one; write: with RTS and CTS, on PF11 PF12"
+        )
     count = int(number) if number.isdecimal() else NUMBERS.get(number.lower())
     if count is None:
         raise UnusableInput(f"{text.strip()!r}: {number} is no number; write it with digits")
@@ -263,9 +271,12 @@ class Planner:
     # ---- why not -----------------------------------------------------------------------------------------
 
     def _refuse(self, wishes: Sequence[Wish], options: dict[Wish, list[Choice]]) -> NoReturn:
-        """The fewest wishes that cannot be together: without any one of them they can."""
+        """
+        Wishes that cannot be together; without any one of them they can. The kind with the most goes first:
+        what is left is short, though another choice can have fewer.
+        """
         core = list(wishes)
-        for wish in wishes:
+        for wish in sorted(wishes, key=wishes.count, reverse=True):
             fewer = core.copy()
             fewer.remove(wish)
             if _Search(fewer, options).run() is None:
