@@ -255,7 +255,8 @@ def test_what_is_quoted_does_not_reach_the_terminal(write: Callable[[str, str], 
 @pytest.mark.parametrize("odd", ["\u00a0", "\u0085", "\u2028"])
 def test_a_byte_that_ends_dtcs_reading_is_refused(write: Callable[[str, str], Path], odd: str) -> None:
     file = write(
-        "x.dts", f'/dts-v1/;\n/ {{ }};\n#define A "é" /* é */\n{odd}\n/ {{ model = "ü", A; }}; // é\n'
+        "x.dts",
+        f'/dts-v1/;\n/ {{ }};\n#define A "é" /* é */\n{odd}\n/ {{ x = <\'"\'>; model = "ü", A; }}; // é\n',
     )
     told = refusal(file)
     assert f"x.dts:4 has U+{ord(odd):04X}, outside comments and strings" in told

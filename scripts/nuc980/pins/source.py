@@ -34,7 +34,7 @@ NO_LABEL = re.compile(r'non-existent node or label "([\w]+)"')
 # What dtc reads as one word: strings, comments; a line of cpp's that tells the place; what it ends at without
 # a word, as if the file were over: a NUL, or a byte that is no ASCII.
 WORDS = re.compile(
-    rb'"(?:[^"\\]|\\.)*"|/\*.*?\*/|//[^\n]*'
+    rb'"(?:[^"\\]|\\.)*"|\x27(?:[^\x27\\\n]|\\.)*\x27|/\*.*?\*/|//[^\n]*'
     rb'|^\#(?:line)?[ \t]+(?P<line>\d+)[ \t]+"(?P<file>(?:[^"\\\n]|\\.)*)"[^\n]*\n'
     rb'|/include/\s*"(?P<included>[^"\n]+)"|(?P<odd>[\x00\x80-\xff]+)',
     re.DOTALL | re.MULTILINE,
