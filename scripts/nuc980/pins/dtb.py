@@ -7,7 +7,7 @@ from io import BytesIO
 from pathlib import Path
 
 import libfdt
-from pyfdt.pyfdt import FDT_BEGIN_NODE, FDT_END, FDT_END_NODE, FDT_PROP, FdtBlobParse
+from pyfdt.pyfdt import FDT_BEGIN_NODE, FDT_END_NODE, FDT_PROP, FdtBlobParse
 
 from nuc980.errors import UnusableInput
 from nuc980.pins.tree import CELL, Node, Property, Tree
@@ -15,7 +15,6 @@ from nuc980.pins.tree import CELL, Node, Property, Tree
 MAGIC = bytes.fromhex("d00dfeed")
 HEADER = 40  # bytes, version 17 (devicetree specification v0.4, 5.2)
 VERSION = 17
-RESERVED_END = 16  # bytes: the end of an empty list of reserved memory
 LARGEST = 1 << 20  # bytes: thirty times a NUC980's tree
 LONGEST_NAME = 127  # characters: the specification allows 31
 DEEPEST = 64  # nodes
@@ -124,41 +123,18 @@ def _refuse_unprintable(name: str) -> None:
 
 def flattened(tree: Tree) -> bytes:
     """The bytes of a DTB with this tree: of one in memory, as with overlays on it."""
-    structure, strings, places = bytearray(), bytearray(), {}
-
-    def padded(data: bytes) -> bytes:
-        return data + bytes(-len(data) % CELL)
+    writer = libfdt.FdtSw()
+    writer.finish_reservemap()
 
     def put(node: Node) -> None:
-        structure.extend(FDT_BEGIN_NODE.to_bytes(CELL, "big") + padded(node.name.encode() + b"\0"))
-        for name, found in node.properties.items():
-            if name not in places:
-                places[name] = len(strings)
-                strings.extend(name.encode() + b"\0")
-            words = (FDT_PROP, len(found.raw), places[name])
-            structure.extend(b"".join(word.to_bytes(CELL, "big") for word in words) + padded(found.raw))
-        for child in node:
-            put(child)
-        structure.extend(FDT_END_NODE.to_bytes(CELL, "big"))
+        with writer.add_node(node.name):
+            for name, found in node.properties.items():
+                writer.property(name, found.raw)
+            for child in node:
+                put(child)
 
     put(tree.root)
-    structure.extend(FDT_END.to_bytes(CELL, "big"))
-    reserved = HEADER + RESERVED_END
-    total = reserved + len(structure) + len(strings)
-    header = (
-        total,
-        reserved,
-        reserved + len(structure),
-        HEADER,
-        VERSION,
-        16,
-        0,
-        len(strings),
-        len(structure),
-    )
-    return b"".join(
-        (MAGIC, *(word.to_bytes(CELL, "big") for word in header), bytes(RESERVED_END), structure, strings)
-    )
+    return bytes(writer.as_fdt().as_bytearray())
 
 
 def _label(tree: Tree) -> None:

@@ -176,7 +176,7 @@ class Source:
         """Groups behind pinctrl-0 = <&, labels behind &, settings of pins, values of status, properties."""
         before = line[:column]
         if re.search(r"pinctrl-\d+\s*=.*&\w*$", before):
-            return [one for one in self._labels(groups=True)]
+            return self._labels(groups=True)
         if re.search(r"&\w*$", before):
             return self._labels(groups=False)
         if re.search(r"(nuvoton,pins\s*=\s*|^\s*|,\s*)<[^>]*$", before) and (PINS in line or "<" in before):

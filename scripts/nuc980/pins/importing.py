@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 import yaml
 
+from nuc980.errors import printable
 from nuc980.pins.chip import GPIO, Chip, Package, Peripheral
 from nuc980.pins.claims import (
     PINS,
@@ -140,7 +141,7 @@ def _purpose(claim: Claim) -> str:
 def _lines(table: _Table, tree: Tree, part: str) -> Iterator[str]:
     name = next(iter(tree.root.strings("model")), tree.file.stem)
     yield "# SPDX-License-Identifier: GPL-3.0-or-later"
-    yield _printable(f"# Pin table made from {tree.file.name} by nuc980-pins import.")
+    yield printable(f"# Pin table made from {tree.file.name} by nuc980-pins import.")
     if table.comments:
         yield "# Not everything in there fits a pin table: the comments say what was left out, and why."
     yield ""
@@ -187,13 +188,8 @@ def _flow(pins: Iterator[str]) -> Iterator[str]:
 
 def _comments(table: _Table, section: str, indent: str) -> Iterator[str]:
     for text in table.comments.get(section, ()):
-        yield _printable(f"{indent}# {text}")
+        yield printable(f"{indent}# {text}")
 
 
 def _entry(key: str, text: str) -> str:
-    return yaml.safe_dump({key: _printable(text)}, width=float("inf"), allow_unicode=True).rstrip("\n")
-
-
-def _printable(text: str) -> str:
-    """On one line, and without what a terminal obeys: a device tree's strings are a stranger's."""
-    return "".join(letter if letter.isprintable() else "?" for letter in text)
+    return yaml.safe_dump({key: printable(text)}, width=float("inf"), allow_unicode=True).rstrip("\n")

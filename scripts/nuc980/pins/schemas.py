@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from nuc980.errors import UnusableInput
+from nuc980.errors import UnusableInput, printable
 from nuc980.pins.findings import Finding, at
 from nuc980.pins.tree import Node, Tree
 
@@ -111,5 +111,5 @@ def _finding(node: Node, name: str | None, message: str, one: dict[str, Any]) ->
 
 
 def _shown(message: str) -> str:
-    text = "".join(letter if letter.isprintable() else "?" for letter in message)
+    text = printable(message)
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}…"

@@ -89,8 +89,8 @@ struct config_table {
 	const struct config_table *like; /* has the same rules, but for own; NULL: none */
 	const struct config_table *const *forms; /* as of a rule */
 	const char *json;                        /* an object: what holds between its keys */
-	bool (*add)(
-	    json_t *schema); /* what of that other tables say; false: there is no memory. NULL: nothing */
+	/* What of that other tables of the room say, put into the schema; NULL: nothing. False: there is no memory. */
+	bool (*add)(json_t *schema);
 };
 #define CONFIG_SAYS(...)                .says = __VA_ARGS__
 #define CONFIG_TABLE(table, ...)        static const struct config_table table = {__VA_ARGS__}

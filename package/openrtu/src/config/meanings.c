@@ -18,8 +18,7 @@ static bool read_number(const char *text, enum map_type type, int32_t *number)
 	errno = 0;
 	read = strtoll(text, &end, 10);
 	if (errno != 0 || *end != '\0' || read < INT32_MIN || read > INT32_MAX ||
-	    !map_value_of(type, (double)read, &value) || (type == MAP_SINGLE && (read < 0 || read > 1)) ||
-	    (type == MAP_DOUBLE && (read < 0 || read > 3)))
+	    !map_value_of(type, (double)read, &value))
 		return false;
 	*number = (int32_t)read;
 	snprintf(again, sizeof(again), "%d", *number);

@@ -43,6 +43,35 @@ void map_add_section(struct map_config *config, uint32_t id, size_t record_size,
 	    .id = id, .record_size = (uint32_t)record_size, .count = count, .records = records};
 }
 
+static uint32_t point_of(const uint8_t *record)
+{
+	uint32_t point;
+
+	memcpy(&point, record, sizeof(point));
+	return point;
+}
+
+const void *map_records_of(const struct map_config *config, uint32_t id, size_t record_size, uint32_t point,
+			   uint32_t *count)
+{
+	const uint8_t *records = map_records(config, id, record_size);
+	const uint32_t all = records == NULL ? 0 : map_record_count(config, id);
+	uint32_t low = 0, high = all;
+
+	while (low < high) {
+		const uint32_t middle = low + (high - low) / 2;
+
+		if (point_of(records + middle * record_size) < point)
+			low = middle + 1;
+		else
+			high = middle;
+	}
+	for (*count = 0; low + *count < all; ++*count)
+		if (point_of(records + (low + *count) * record_size) != point)
+			break;
+	return *count == 0 ? NULL : records + low * record_size;
+}
+
 static struct map_section *find_section(struct map_config *config, uint32_t id)
 {
 	struct map_section *section = config->sections;

@@ -261,6 +261,13 @@ static inline uint32_t map_record_count(const struct map_config *config, uint32_
 	return 0;
 }
 
+/*
+ * Of a section whose records begin with the number of their point, and are in the order of these: the first of this point's, of which
+ * there are *count.
+ */
+const void *map_records_of(const struct map_config *config, uint32_t id, size_t record_size, uint32_t point,
+			   uint32_t *count);
+
 /* Adds a section. The records stay the caller's, or belong to config where that was loaded. */
 void map_add_section(struct map_config *config, uint32_t id, size_t record_size, uint32_t count,
 		     void *records);

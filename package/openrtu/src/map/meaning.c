@@ -12,21 +12,9 @@ static enum map_type type_of(const struct map_config *config, uint32_t point)
 
 uint32_t map_meanings_of(const struct map_config *config, uint32_t point, const struct map_meaning **first)
 {
-	const struct map_meaning *meanings = map_records(config, MAP_MEANINGS, sizeof(*meanings));
-	const uint32_t all = meanings == NULL ? 0 : map_record_count(config, MAP_MEANINGS);
-	uint32_t low = 0, high = all, count = 0;
+	uint32_t count;
 
-	while (low < high) {
-		const uint32_t middle = low + (high - low) / 2;
-
-		if (meanings[middle].point < point)
-			low = middle + 1;
-		else
-			high = middle;
-	}
-	*first = meanings == NULL ? NULL : meanings + low;
-	while (low + count < all && meanings[low + count].point == point)
-		count++;
+	*first = map_records_of(config, MAP_MEANINGS, sizeof(**first), point, &count);
 	return count;
 }
 
@@ -34,13 +22,11 @@ const char *map_meaning(const struct map_config *config, uint32_t point, union m
 {
 	const struct map_meaning *meanings;
 	const uint32_t count = map_meanings_of(config, point, &meanings);
+	const double number = map_number(type_of(config, point), value);
 
-	for (uint32_t i = 0; i < count; i++) {
-		const double number = map_number(type_of(config, point), value);
-
-		if (!(number < meanings[i].number) && !(number > meanings[i].number) && number == number)
+	for (uint32_t i = 0; i < count; i++)
+		if (number >= meanings[i].number && number <= meanings[i].number)
 			return meanings[i].text;
-	}
 	return "";
 }
 

@@ -33,6 +33,11 @@ static inline double map_nearest(double number)
 	return number < 0 ? number - no_fraction + no_fraction : number + no_fraction - no_fraction;
 }
 
+static inline bool map_is_whole(double number)
+{
+	return !(number < map_nearest(number)) && !(number > map_nearest(number));
+}
+
 static inline int32_t map_round(double number)
 {
 	return (int32_t)map_nearest(number);

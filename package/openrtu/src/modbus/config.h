@@ -120,9 +120,9 @@ struct modbus_extra {
 
 /* What the gateway itself writes to a point's place: a record for each value in turn; in the order of the points. */
 struct modbus_keep {
-	double value;
 	uint32_t point;
 	uint32_t period_ms; /* 0: when the device is back alone */
+	double value;
 	uint32_t has_value; /* else it is what was commanded last */
 	uint32_t reserved;
 };
@@ -199,21 +199,9 @@ static inline struct modbus_keep *modbus_keeps(const struct map_config *config)
 static inline uint32_t modbus_keeps_of(const struct map_config *config, uint32_t point,
 				       const struct modbus_keep **first)
 {
-	const struct modbus_keep *keeps = modbus_keeps(config);
-	const uint32_t all = map_record_count(config, MODBUS_KEEPS);
-	uint32_t low = 0, high = all, count = 0;
+	uint32_t count;
 
-	while (low < high) {
-		const uint32_t middle = low + (high - low) / 2;
-
-		if (keeps[middle].point < point)
-			low = middle + 1;
-		else
-			high = middle;
-	}
-	*first = keeps + low;
-	while (low + count < all && keeps[low + count].point == point)
-		count++;
+	*first = map_records_of(config, MODBUS_KEEPS, sizeof(**first), point, &count);
 	return count;
 }
 

@@ -16,17 +16,6 @@ static bool is_device_read(const struct modbus_loader *loader, const struct map_
 	return false;
 }
 
-static bool is_bit(double number)
-{
-	return !(number < 0) && !(number > 0 && number < 1) && !(number > 1);
-}
-
-/* Of a type other than float, the gateway would write another one. */
-static bool is_whole(double number)
-{
-	return !(number < map_nearest(number)) && !(number > map_nearest(number));
-}
-
 static bool can_be_written(const struct map_config *config, const struct modbus_entry *entry, double number)
 {
 	const struct map_point *point = &entry->point;
@@ -36,7 +25,6 @@ static bool can_be_written(const struct map_config *config, const struct modbus_
 	if (point->min < point->max && !(number >= (double)point->min && number <= (double)point->max))
 		return false;
 	return map_value_of((enum map_type)point->type, number, &value) &&
-	       (point->type != MAP_SINGLE || is_bit(number)) &&
 	       convert_to_raw(&entry->wire, modbus_knots(config), convert_first_exponent(&entry->wire), value,
 			      0, raw);
 }
@@ -63,7 +51,7 @@ static void keep_values(struct modbus_loader *loader, const struct config_place 
 
 		if (!json_is_number(value))
 			config_error(loader->report, &here, "is no number");
-		else if (entry->point.type != MAP_FLOAT && !is_whole(json_number_value(value)))
+		else if (entry->point.type != MAP_FLOAT && !map_is_whole(json_number_value(value)))
 			config_error(loader->report, &here, "%g is no whole number, as type %s has them",
 				     json_number_value(value), modbus_type_names[entry->point.type]);
 		else if (!can_be_written(loader->config, entry, json_number_value(value)))

@@ -167,7 +167,6 @@ struct modbus_device {
 	struct modbus_read *reads; /* room for object_count of them */
 	struct modbus_kept *kept;  /* in the order in which they are written; NULL: none */
 	uint32_t kept_count;
-	int64_t kept_free_ns; /* until then none of them is tried that was not answered */
 
 	/* For the caller to look at. */
 	struct modbus_device_counters counters;
@@ -194,9 +193,10 @@ struct modbus_device {
 	int64_t lone_probe_ns; /* the same while no device of the line lives */
 	int64_t asked_ns; /* when it had the oldest unanswered request to answer; a dead one, the latest */
 	int64_t trust_ns; /* when no answer can come any more to what is unanswered */
-	bool refusing;    /* its last answer was an exception */
-	uint8_t echoes;   /* answered reads without an echo until none is expected any more */
-	bool inherited;   /* whoever had the port before may have left a request unanswered */
+	int64_t kept_free_ns; /* until then no write of the line's own is tried that was not answered */
+	bool refusing;        /* its last answer was an exception */
+	uint8_t echoes;       /* answered reads without an echo until none is expected any more */
+	bool inherited;       /* whoever had the port before may have left a request unanswered */
 	uint8_t unanswered_count;
 	struct modbus_unanswered {
 		uint8_t function;

@@ -25,11 +25,6 @@ static bool number_of(const struct map *map, uint32_t point, const struct modbus
 	return true;
 }
 
-static bool is_broken(double number)
-{
-	return number < map_nearest(number) || number > map_nearest(number);
-}
-
 int8_t scaling_apply(const struct map *map, uint32_t point, int8_t exponent, struct modbus_point *wire)
 {
 	const struct modbus_extra *extra = modbus_extra_of(map_config(map), wire);
@@ -44,7 +39,7 @@ int8_t scaling_apply(const struct map *map, uint32_t point, int8_t exponent, str
 	}
 	if (!number_of(map, point, extra, MODBUS_SCALE_BY, &number))
 		return exponent;
-	if (!(number >= -CONVERT_EXPONENT_MAX && number <= CONVERT_EXPONENT_MAX) || is_broken(number))
+	if (!(number >= -CONVERT_EXPONENT_MAX && number <= CONVERT_EXPONENT_MAX) || !map_is_whole(number))
 		return CONVERT_NO_EXPONENT;
-	return (int8_t)map_nearest(number);
+	return (int8_t)number;
 }
