@@ -881,10 +881,13 @@ static void test_log(void **state)
 	(void)state;
 	map_log(owner, MAP_LOG_WARNING, "device 67 is dead");
 	map_log(rtud, MAP_LOG_INFO, "later");
-	assert_int_equal(RUN("log", "--count", "2"), 0);
+	assert_int_equal(RUN("log"), 0);
 	assert_contains("Z  rtu-modbus-1  warning: device 67 is dead\n");
-	assert_int_equal(RUN("log", "--count", "1"), 0);
 	assert_contains("Z  rtud  info: later\n");
+	assert_true(strstr(output, "dead") < strstr(output, "later"));
+	/* On a busy host the last line may say that the owner was silent. */
+	assert_int_equal(RUN("log", "--count", "1"), 0);
+	assert_ptr_equal(strchr(output, '\n'), strrchr(output, '\n'));
 	assert_null(strstr(output, "dead"));
 }
 
