@@ -47,6 +47,14 @@ static bool belongs(const struct iec104_station *station, const struct map_event
 	       !iec104_is_position(station, event->point);
 }
 
+/* It is none of before its module was lost, which a module that was stopped may put in behind that. */
+static bool is_news(const struct iec104_station *station, const struct iec104_connection *connection,
+		    const struct map_event *event)
+{
+	return !event->past &&
+	       event->sample.time_ns >= connection->module_ns[map_owner(station->map, event->point)];
+}
+
 /* False: the ASDU is full. */
 static bool add_change(const struct iec104_station *station, struct iec104_connection *connection,
 		       struct iec104_builder *builder, const struct map_event *event,
@@ -54,7 +62,7 @@ static bool add_change(const struct iec104_station *station, struct iec104_conne
 {
 	if (!iec104_add_event(station, builder, event, samples))
 		return false;
-	if (!event->past)
+	if (is_news(station, connection, event))
 		iec104_note_told(connection, event->point);
 	return true;
 }

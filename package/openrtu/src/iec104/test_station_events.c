@@ -212,6 +212,29 @@ static void test_return_is_told_once(void **state)
 	expect_nothing(0);
 }
 
+/* A module that stood between reading and publishing: its value is from before the loss, so the return is told as well. */
+static void test_what_comes_late_from_before_a_loss_is_no_return(void **state)
+{
+	const struct map_sample read = {.value.i = 7, .time_ns = now};
+
+	(void)state;
+	now += 100 * MS;
+	put_event(MAP_EVENT_MODULE_DOWN, 2, (struct map_sample){.time_ns = now});
+	run();
+	while (next_frame(&masters[0]) != NULL)
+		acknowledge(&masters[0]);
+	for (uint32_t i = DOUBLE1; i < POINTS; i++)
+		fake.samples[i].quality = MAP_INVALID;
+	fake.samples[NORMALIZED] = read;
+	put_event(MAP_EVENT_CHANGE, NORMALIZED, read);
+	run();
+	EXPECT(0, M_ME_TD, 1, SPONTANEOUS, 0, CA_4001, IOA(9), 7, 0, 0, TIME);
+	put_event(MAP_EVENT_MODULE_UP, 2, (struct map_sample){.time_ns = now});
+	run();
+	EXPECT(0, M_ME_TD, 1, SPONTANEOUS, 0, CA_4001, IOA(9), 7, 0, 0, TIME_OF_RETURN);
+	expect_nothing(0);
+}
+
 static void test_lost_events(void **state)
 {
 	(void)state;
@@ -321,6 +344,7 @@ int main(void)
 	    TEST(test_module_down_and_up_are_told_late),
 	    TEST(test_heartbeat_is_missing_for_a_moment),
 	    TEST(test_return_is_told_once),
+	    TEST(test_what_comes_late_from_before_a_loss_is_no_return),
 	    TEST(test_lost_events),
 	    TEST(test_steps_of_the_clock_fire_no_timer),
 	    TEST(test_periodic),
