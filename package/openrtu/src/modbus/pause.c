@@ -87,18 +87,21 @@ static bool is_near(const struct modbus_pause *pause)
 	return pause->kept_ns <= pause->short_ns + NEAR_NS + pause->short_ns / NEAR_PART;
 }
 
-/* The next one to try: half way to what is too short, or, now and then, none. */
+/*
+ * The next one to try: half way to what is too short, or, now and then, none. A busy line may leave the device alone for longer than
+ * what is to be tried: the search does not end then, and none is tried all the same.
+ */
 static void choose(struct modbus_pause *pause, enum modbus_patience patience, int64_t now_ns)
 {
 	pause->tried_ns = pause->kept_ns;
 	if (patience == MODBUS_IS_KILLED)
 		return;
-	if (patience == MODBUS_IS_PATIENT && !is_near(pause))
-		pause->tried_ns = later(pause->least_ns, (pause->short_ns + pause->kept_ns) / 2);
-	else if (pause->retry_ns == 0)
+	if (pause->retry_ns == 0)
 		wait_for_retry(pause, now_ns);
 	else if (now_ns >= pause->retry_ns)
 		pause->tried_ns = pause->least_ns;
+	else if (patience == MODBUS_IS_PATIENT && !is_near(pause))
+		pause->tried_ns = later(pause->least_ns, (pause->short_ns + pause->kept_ns) / 2);
 }
 
 /* It was not answered behind what was kept: it needs longer than that, by what was answered now. */

@@ -187,6 +187,21 @@ static void test_a_pause_that_is_not_needed_any_more_is_forgotten(void **state)
 	assert_int_equal(bus.deaths[0], 0);
 }
 
+/* Its neighbours leave it alone for longer than any shorter pause that could be tried. */
+static void test_a_pause_is_forgotten_beside_neighbours(void **state)
+{
+	(void)state;
+	for (int64_t pause_ns = 20 * MS; pause_ns <= 200 * MS; pause_ns += 10 * MS) {
+		set_up_pair();
+		bus.slaves[0].pause_ns = pause_ns;
+		start();
+		run_for(30 * SECOND);
+		bus.slaves[0].pause_ns = 0;
+		run_for(130 * SECOND);
+		assert_int_equal(bus.devices[0].pause.kept_ns, 0);
+	}
+}
+
 static void be_away(void)
 {
 	run_for(20 * SECOND);
@@ -372,6 +387,7 @@ int main(void)
 	    cmocka_unit_test(test_a_pause_is_learned_on_a_serial_line),
 	    cmocka_unit_test(test_a_pause_is_learned_on_tcp),
 	    cmocka_unit_test(test_a_pause_that_is_not_needed_any_more_is_forgotten),
+	    cmocka_unit_test(test_a_pause_is_forgotten_beside_neighbours),
 	    cmocka_unit_test(test_a_device_without_retries_is_tried_when_it_is_back),
 	    cmocka_unit_test(test_a_pause_is_learned_above_that_of_the_configuration),
 	    cmocka_unit_test(test_noise_is_no_pause),
