@@ -581,6 +581,15 @@ def test_delayed_answer_is_given_up_when_the_master_speaks(sim: LineSim, master:
     assert sim.stats()["3"]["dropped"] == 1
 
 
+def test_a_deaf_device_hears_nothing_behind_its_answer(sim: LineSim, master: Master) -> None:
+    sim.fault("3.67", "deaf", 60_000)
+    assert_healthy(master)
+    master.port.write(REQUEST)
+    assert master.hears_nothing(0.1)
+    sim.fault("3.67", "clear")
+    assert_healthy(master)
+
+
 def test_late_answer_comes_after_the_next_transaction(sim: LineSim, master: Master) -> None:
     sim.fault("3.67", "late", 500, count=1)
     master.port.write(REQUEST)

@@ -205,6 +205,7 @@ static const struct {
     {"mute", SLAVE_MUTE, 0, 0},
     {"delay", SLAVE_DELAY, 0, DELAY_MAX_MS},
     {"late", SLAVE_LATE, 0, DELAY_MAX_MS},
+    {"deaf", SLAVE_DEAF, 0, DELAY_MAX_MS},
     {"corrupt", SLAVE_CORRUPT, 0, 0},
     {"exception", SLAVE_EXCEPTION, 1, 255},
     {"echo", SLAVE_ECHO, 0, 0},
@@ -467,7 +468,8 @@ static const struct command commands[] = {
     {"get", 4, 4, get, "get PORT.UNIT TABLE ADDRESS"},
     {"fault", 3, 7, set_fault,
      "fault PORT.UNIT clear | mute | corrupt | echo | wrong-unit | wrong-function | wrong-length | "
-     "wrong-echo | truncate | delay MS | late MS (0 to 60000) | override VALUE (0 to 65535) | noise "
+     "wrong-echo | truncate | delay MS | late MS | deaf MS (0 to 60000) | override VALUE (0 to 65535) | "
+     "noise "
      "BYTES (1 to 256) | limit N (1 to 2000) | exception CODE [FUNCTION] (1 to 255, 1 to 127), each: [count "
      "N] (1 to 1000000)"},
     {"unplug", 2, 2, set_plugged, "unplug PORT"},

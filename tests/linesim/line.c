@@ -196,7 +196,7 @@ static void serve(struct line *line, struct slave *slave, int64_t complete_ns)
 	uint8_t pdu[SLAVE_PDU_MAX];
 
 	slave->stats.requests++;
-	if (fault.kind == SLAVE_MUTE)
+	if (!slave_hears(slave, &fault, complete_ns))
 		return;
 
 	const size_t pdu_size =
@@ -212,6 +212,7 @@ static void serve(struct line *line, struct slave *slave, int64_t complete_ns)
 	answer->fault = fault.kind;
 	answer->start_ns = line->latency_ns + (ready_ns > earliest_ns ? ready_ns : earliest_ns);
 	compose(line, answer, &fault, pdu, pdu_size);
+	slave_answered(slave, &fault, answer->start_ns + (int64_t)answer->size * line->char_ns);
 	if (pdu[0] & 0x80)
 		slave->stats.exceptions++;
 }

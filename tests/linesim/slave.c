@@ -12,6 +12,8 @@ enum exception { NO_EXCEPTION, ILLEGAL_FUNCTION, ILLEGAL_DATA_ADDRESS, ILLEGAL_D
 #define WRITE_BITS_MAX      1968
 #define WRITE_REGISTERS_MAX 123
 
+#define MS 1000000
+
 #define COIL_ON  0xff00
 #define COIL_OFF 0x0000
 
@@ -256,6 +258,17 @@ struct slave_fault slave_take_fault(struct slave *slave, uint8_t function)
 	return taken;
 }
 
+bool slave_hears(const struct slave *slave, const struct slave_fault *fault, int64_t at_ns)
+{
+	return fault->kind != SLAVE_MUTE && (fault->kind != SLAVE_DEAF || at_ns >= slave->deaf_until_ns);
+}
+
+void slave_answered(struct slave *slave, const struct slave_fault *fault, int64_t end_ns)
+{
+	if (fault->kind == SLAVE_DEAF)
+		slave->deaf_until_ns = end_ns + (int64_t)fault->argument * MS;
+}
+
 bool slave_exists(const struct slave *slave, enum slave_table table, long address)
 {
 	return address >= 0 && address < SLAVE_TABLE_CELLS && slave->table[table].exists[address];
@@ -307,6 +320,7 @@ const char *slave_fault_name(enum slave_fault_kind kind)
 	    [SLAVE_MUTE] = "mute",
 	    [SLAVE_DELAY] = "delay",
 	    [SLAVE_LATE] = "late",
+	    [SLAVE_DEAF] = "deaf",
 	    [SLAVE_CORRUPT] = "corrupt",
 	    [SLAVE_EXCEPTION] = "exception",
 	    [SLAVE_ECHO] = "echo",

@@ -29,6 +29,7 @@ enum slave_fault_kind {
 	SLAVE_MUTE,       /* as if switched off: executes nothing, answers nothing */
 	SLAVE_DELAY,      /* ms more before the answer, which is given up when the master speaks meanwhile */
 	SLAVE_LATE,       /* ms more before the answer, which is sent whatever happens on the line */
+	SLAVE_DEAF,       /* hears nothing for ms behind its answer */
 	SLAVE_CORRUPT,    /* the answer's CRC is wrong */
 	SLAVE_EXCEPTION,  /* exception code instead of executing */
 	SLAVE_ECHO,       /* the request comes back before the answer */
@@ -64,6 +65,7 @@ struct slave_cells {
 struct slave {
 	uint8_t unit; /* 0: stands for devices that only listen to broadcasts */
 	struct slave_fault fault;
+	int64_t deaf_until_ns; /* SLAVE_DEAF */
 	struct slave_stats stats;
 	struct slave_cells table[SLAVE_TABLES];
 };
@@ -88,6 +90,11 @@ bool slave_is_too_long(const struct slave_fault *fault, const uint8_t *request, 
 
 /* The fault that applies to a request with this function code; counts it down. */
 struct slave_fault slave_take_fault(struct slave *slave, uint8_t function);
+
+/* False: it is switched off, or deaf. */
+bool slave_hears(const struct slave *slave, const struct slave_fault *fault, int64_t at_ns);
+/* Its answer has ended. */
+void slave_answered(struct slave *slave, const struct slave_fault *fault, int64_t end_ns);
 
 /* Writes a cell from outside the line. False: there is no such cell, or it cannot hold the value. */
 bool slave_set(struct slave *slave, enum slave_table table, long address, long value);

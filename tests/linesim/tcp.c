@@ -65,7 +65,7 @@ static void serve(struct tcp_session *session, struct slave *slave, int64_t now_
 	size_t size;
 
 	slave->stats.requests++;
-	if (fault.kind == SLAVE_MUTE)
+	if (!slave_hears(slave, &fault, now_ns))
 		return;
 	size = line_execute(line, slave, &fault, request + HEADER, session->request_size - HEADER, pdu);
 	if (session->waiting_count == TCP_WAITING_MAX) {
@@ -76,6 +76,7 @@ static void serve(struct tcp_session *session, struct slave *slave, int64_t now_
 	answer = &session->waiting[session->waiting_count];
 	answer->slave = slave;
 	answer->at_ns = not_before_ns(session, ready_ns);
+	slave_answered(slave, &fault, answer->at_ns);
 	frame_answer(answer, request, pdu, size);
 	session->waiting_count++;
 }

@@ -32,12 +32,17 @@ WALL_NS = 1767225600 * 10**9  # main.c
 S = 10**9
 AGE_S = 3.0
 HELD_S = 5.0
+RETURN_S = 1.0  # from its first words until a module is told to be back
+SAME_S = 0.1  # rtud looks at heartbeats every 50 ms
+CALL_WITHIN_S = 10.0  # main.c
+PASSED_ON_S = 1.0
 NEXT_S = 0.002  # a time tag has milliseconds
 LOST_DELAYS = 3  # flights.c: of what is lost and repeated, at most
 AFTER_S = 15.0  # what is behind a fault may still be its consequence
 RAREST_S = 65.0  # the longest pause before a probe, and the probe (docs/limit.md)
 PROBED_S = 5.0  # a device that lived for long before is probed so soon after it was dead for as long again
 INVALID_S = 5.0  # from the last answer of a device until its points are told invalid
+DOUBTED_S = 5.0  # the first pause that a device seems to need (docs/limit.md)
 WINDOW_S = 10
 CHANGED_S = 5.0  # from the end of a reload until all has been read by it
 LINES_A_MINUTE = 60  # of a program: worlds with a fault every 8 s have half as many
@@ -107,6 +112,11 @@ def change_of(at_s: float, command: str) -> Change:
     """That a device took: the one of the script, when it came to it."""
     _, device, table, address, value = command.split()
     return Change(at_s, device, table, int(address), int(value))
+
+
+def held_until_s(hold: Fault) -> float:
+    """A stop waits for its call; then what waited is dealt with."""
+    return hold.end_s + (CALL_WITHIN_S if hold.kind == "stop" else 0.0) + PASSED_ON_S
 
 
 class History:
@@ -252,13 +262,20 @@ class History:
         """To the centre, at most."""
         return sum(LOST_DELAYS * link.most_s for link in self.run.world.links if link.port == PORT)
 
+    @cached_property
+    def holds(self) -> list[Fault]:
+        """What holds up what is told, the last first."""
+        field = ("rtu-modbus-1", "linesim", f"{MODBUS_PORT}")
+        holds = [fault for fault in self.faults if fault.kind in ("stop", "cut") and fault.of not in field]
+        return sorted(holds, key=held_until_s, reverse=True)
+
     def delay_s(self, at_s: float) -> float:
-        """What stops and cuts may have held up until then, and the way."""
-        return self.way_s + sum(
-            min(fault.for_s, max(0.0, at_s - fault.at_s))
-            for fault in self.faults
-            if fault.kind in ("stop", "cut") and fault.of not in ("rtu-modbus-1", f"{MODBUS_PORT}")
-        )
+        """How long it may have been held up, one behind the other, what came then; and its way."""
+        since_s = at_s - self.way_s
+        for hold in self.holds:
+            if hold.at_s < since_s <= held_until_s(hold):
+                since_s -= min(hold.for_s, since_s - hold.at_s)
+        return at_s - since_s
 
 
 def age_s(history: History, told: Told) -> float:
@@ -289,16 +306,24 @@ def tells_the_same(event: Told, other: Told) -> bool:
     return (event.value, event.good) == (other.value, other.good)
 
 
+def is_followed(event: Told, lost: Told, later: list[Told]) -> bool:
+    """What a module read before it was lost, and tells behind that: its return is told as well."""
+    return not lost.good and any(
+        (lost.tag_s or 0) < (other.tag_s or 0) and other.at_s <= event.at_s + RETURN_S for other in later
+    )
+
+
 def events_are_in_order(history: History) -> Iterator[Violation]:
     """Within a connection none comes twice, or after a later one; a new connection may repeat."""
     for point, events in history.events.items():
         seen: set[tuple[float | None, int | None, bool]] = set()
         latest = events[0]
-        for before, event in zip([None, *events[:-1]], events, strict=True):
+        for place, (before, event) in enumerate(zip([None, *events[:-1]], events, strict=True), 1):
             if before and is_told_twice(event, before):
                 yield Violation("once", event.at_s, f"{point} of {event.tag_s:.3f} s")
             goes_back = (event.tag_s or 0) < (latest.tag_s or 0) and not tells_the_same(event, latest)
             what = (event.tag_s, event.value if event.good else None, event.good)
+            goes_back = goes_back and not is_followed(event, latest, events[place:])
             if goes_back and (event.session == latest.session or what not in seen):
                 yield Violation("order", event.at_s, f"{point}: {event} after {latest}")
             seen.add(what)
@@ -317,11 +342,17 @@ def is_trouble_of(device: str, fault: Fault) -> bool:
     return fault.of in ("rtu-modbus-1", "rtud", "linesim", device, line)
 
 
+def doubted_s(fault: Fault) -> float:
+    """Until none is tried in the place of a pause that it needed: after 5 s, and twice as long each time."""
+    return fault.for_s + DOUBTED_S if fault.kind == "deaf" else 0.0
+
+
 def is_read_again_s(fault: Fault, troubles: list[Fault]) -> float:
     """From when on a device must be read as ever, by what docs/limit.md says of its probes."""
     lived = not any(fault.at_s - RAREST_S < other.end_s and other.at_s < fault.at_s for other in troubles)
     begins_later_s = AFTER_S if fault.kind in BEGINS_ANEW else 0.0
-    return fault.end_s + begins_later_s + (max(AFTER_S, fault.for_s + PROBED_S) if lived else RAREST_S)
+    probed_s = max(AFTER_S, fault.for_s + PROBED_S) if lived else RAREST_S
+    return fault.end_s + doubted_s(fault) + begins_later_s + probed_s
 
 
 def troubled_times(device: str, faults: tuple[Fault, ...]) -> list[tuple[float, float]]:
@@ -337,7 +368,7 @@ def overlaps(times: list[tuple[float, float]], from_s: float, to_s: float) -> bo
 def direct_times(device: str, faults: tuple[Fault, ...]) -> list[tuple[float, float]]:
     """When a device that answers may be read too seldom."""
     return [
-        (fault.at_s, fault.end_s + (AFTER_S if fault.kind in BEGINS_ANEW else PROBED_S))
+        (fault.at_s, fault.end_s + doubted_s(fault) + (AFTER_S if fault.kind in BEGINS_ANEW else PROBED_S))
         for fault in faults
         if is_trouble_of(device, fault)
     ]
@@ -356,6 +387,34 @@ def could_be_lost(point: str, since_s: float, until_s: float, faults: tuple[Faul
         (fault.kind, fault.of) == ("kill", "rtud") and abs(fault.at_s - since_s) < JOURNAL_S
         for fault in faults
     )
+
+
+def lifeless_times(events: list[Told]) -> Iterator[tuple[float, float]]:
+    """When a point was not good, as its events of one connection have it."""
+    since_s = None
+    for event in events:
+        tag_s = event.tag_s or 0.0
+        if not event.good and since_s is None:
+            since_s = tag_s
+        elif event.good and since_s is not None:
+            yield since_s, tag_s
+            since_s = None
+
+
+def interrogations_tell_the_same(history: History) -> Iterator[Violation]:
+    """What its events tell as not good, from before to after it, no interrogation tells as good."""
+    lifeless: dict[tuple[str, int], list[tuple[float, float]]] = {}
+    for point, events in history.events.items():
+        for session, of_session in itertools.groupby(events, key=lambda event: event.session):
+            lifeless[point, session] = list(lifeless_times(list(of_session)))
+    for told in history.told:
+        if told.tag_s is not None or not told.good:
+            continue
+        asked_s = told.at_s - history.delay_s(told.at_s)
+        for since_s, until_s in lifeless.get((told.point, told.session), []):
+            if since_s < asked_s - SAME_S and told.at_s < until_s - SAME_S:
+                text = f"{told.point} is told as {told}, by events not from {since_s:.3f} to {until_s:.3f} s"
+                yield Violation("same", told.at_s, text)
 
 
 def no_event_is_lost(history: History) -> Iterator[Violation]:
@@ -556,6 +615,7 @@ RULES = (
     nobody_crashes,
     values_are_true,
     events_are_in_order,
+    interrogations_tell_the_same,
     no_event_is_lost,
     periods_are_kept,
     silence_is_told,

@@ -38,6 +38,8 @@ STALL_LONGEST_S = 3.0
 STALL_CALLS_MAX = 20
 LONGEST_S = {"stop": 20.0, "silent": 20.0, "cut": 40.0}
 SESSION_FAULTS = ("hung", "closing", "tearing", "idling", "cut", "lost", "late", "silent", "unplugged")
+CLOSINGS = ("closing", "tearing", "idling")
+CLOSED_APART_S = 2.0
 CONNECTED_S = 20.0  # by then a connection over GPRS is made: what was before is no event
 SESSION_LONGEST_S = 30.0
 LEAST_STEP_S = 1000.0
@@ -154,7 +156,7 @@ class Field:
 
     def line_faults(self, at_s: float) -> Iterator[Fault]:
         """What a line, its devices and the host do to it."""
-        kind = self.random.choice(("silent", "late", "unplugged", "stalls", "kill"))
+        kind = self.random.choice(("silent", "late", "deaf", "unplugged", "stalls", "kill"))
         for_s = round(LINE_LONGEST_S * self.random.random() ** 2, 3)
         late_s = round(LATEST_S * self.random.random() ** 2, 3)
         match kind:
@@ -164,6 +166,8 @@ class Field:
                 yield Fault(at_s, kind, "rtu-modbus-1", self.random.randrange(CALLS_MAX))
             case "unplugged":
                 yield Fault(at_s, kind, f"{self.line()}", for_s=for_s)
+            case "deaf":
+                yield Fault(at_s, kind, self.device(), for_s=round(for_s / 2, 3), late_s=late_s)
             case _:
                 yield Fault(at_s, kind, self.device(), for_s=for_s, late_s=late_s if kind == "late" else 0.0)
 
@@ -180,6 +184,19 @@ class Field:
                         faults.append(fault)
             from_s += BAD_S + QUIET_S
         return tuple(sorted(faults, key=lambda fault: fault.at_s))
+
+
+def with_one_closing(faults: tuple[Fault, ...]) -> tuple[Fault, ...]:
+    """A line closes its sessions in one way at a time: two may look like a peer that never answers."""
+    kept: list[Fault] = []
+    until_s = 0.0
+    for fault in faults:
+        if fault.kind in CLOSINGS:
+            if fault.at_s < until_s:
+                continue
+            until_s = fault.end_s + CLOSED_APART_S
+        kept.append(fault)
+    return tuple(kept)
 
 
 def calm(seed: int, seconds: float) -> World:
@@ -205,7 +222,7 @@ def far(seed: int, seconds: float, fault_every_s: float = 8.0) -> World:
     """Devices behind Modbus TCP hang up, hang, and cannot be reached, and are commanded."""
     of_seed = Field(random.Random(seed), seconds, FAR_LINES)
     changes = of_seed.changes(mean_s=1.0, from_s=CONNECTED_S)
-    faults = of_seed.made_by(of_seed.far_fault, fault_every_s)
+    faults = with_one_closing(of_seed.made_by(of_seed.far_fault, fault_every_s))
     links = (of_seed.random.choice((GPRS, RADIO)), CABLE)
     orders = of_seed.orders(mean_s=3.0)
     return World(seed, seconds, changes, faults, lines=FAR_LINES, links=links, orders=orders)

@@ -43,7 +43,7 @@ class Fault:
 
     at_s: float
     kind: (
-        str  # kill, stop, cut, lost, power, step: the plant's; silent, late: a device's; the others a line's
+        str  # kill, stop, cut, lost, power, step: the plant's; silent, late, deaf: a device's; else a line's
     )
     of: str  # a process, a TCP port, a device, a line
     calls: int = 0
@@ -64,6 +64,8 @@ class Fault:
             "power": f"the centre at TCP port {self.of} loses power, and nobody is told",
             "silent": f"device {self.of} is silent for {self.for_s:.3f} s",
             "late": f"device {self.of} answers {self.late_s:.3f} s later for {self.for_s:.3f} s",
+            "deaf": f"device {self.of} hears nothing for {self.late_s:.3f} s behind its answers, "
+            f"for {self.for_s:.3f} s",
             "unplugged": f"line {self.of} is unplugged for {self.for_s:.3f} s",
             "step": f"the calendar clock is moved by {self.by_s:.3f} s",
             "reload": f"configuration {self.of} is loaded",
@@ -100,6 +102,8 @@ def field_commands(fault: Fault) -> tuple[str, str]:
             return f"fault {fault.of} mute", clear
         case "late":
             return f"fault {fault.of} late {round(fault.late_s * 1000)}", clear
+        case "deaf":
+            return f"fault {fault.of} deaf {round(fault.late_s * 1000)}", clear
         case "unplugged":
             return f"unplug {fault.of}", f"plug {fault.of}"
         case "hung":

@@ -292,6 +292,17 @@ def test_a_device_that_is_late_answers_behind_its_time(
     assert 0 < answers_between(ran, "1.2", 10.2, 24.8) < 15
 
 
+def test_a_device_that_needs_a_pause_for_a_while(programs: Path, linesim_program: Path, folder: Path) -> None:
+    """It is read behind that pause, and soon without it."""
+    ran = run_world(
+        World(2, SECONDS, (), (Fault(10.0, "deaf", "2.2", for_s=10.0, late_s=0.3),), scanned=(2,)),
+        folder / "deaf",
+    )
+    assert 10 < answers_between(ran, "2.2", 10.2, 19.8) < 25
+    assert answers_between(ran, "2.2", 35.0, 45.0) > 25
+    assert judge(ran) == []
+
+
 def test_sessions_that_hang_and_that_are_closed(programs: Path, linesim_program: Path, folder: Path) -> None:
     """The devices behind a hung one are invalid for some seconds; those behind one that is closed are not."""
     faults = (Fault(10.0, "hung", "7"), Fault(30.0, "closing", "7", for_s=10.0))
@@ -382,6 +393,14 @@ def with_an_alarm_of_nothing(lines: Lines) -> None:
     lines.insert(place, lines[place] | {"quality": 128})
 
 
+def with_an_answer_that_is_good_while_events_are_not(lines: Lines) -> None:
+    """A point is told invalid for 4 s; an interrogation between says that it is good."""
+    event = lines[value_events(lines)[-1]]
+    for at_s, told in ((0, {"quality": 128}), (2, {"tag": None, "cause": 20}), (4, {})):
+        moved = {"at": event["at"] + at_s * 10**9, "tag": event["tag"] + at_s * 10**9}
+        lines.append(event | moved | told)
+
+
 def with_a_connection_that_ends(lines: Lines) -> None:
     lines.append({"at": lines[-1]["at"], "kind": "link", "state": 4})
 
@@ -401,6 +420,7 @@ def with_an_end_that_is_bad(lines: Lines) -> None:
         (with_a_later_value_that_is_bad, "true"),
         (with_an_end_that_is_bad, "recovery"),
         (with_an_alarm_of_nothing, "good"),
+        (with_an_answer_that_is_good_while_events_are_not, "same"),
         (with_a_connection_that_ends, "connection"),
     ],
 )
