@@ -455,7 +455,7 @@ def test_ascii_with_a_wrong_lrc_is_damaged(said: Said) -> None:
     with Strange(b":0503021234B1\r\n") as strange:
         code, rows, complaints = said("read", strange.place, "--ascii", "-u", 5, "h16", timeout_s=PATIENCE_S)
     assert (code, rows) == (1, [])
-    assert "wrong" in complaints
+    assert "an answer with a wrong LRC came" in complaints
 
 
 def test_octets_are_printed_with_their_times(said: Said) -> None:

@@ -39,6 +39,7 @@ class AsciiStream(Stream):
     """Takes RTU frames and gives them, over a stream of text."""
 
     characters = 2
+    check = "LRC"
 
     def __init__(self, text: Stream) -> None:
         self.name = text.name

@@ -52,6 +52,7 @@ class Stream(ABC):
     name: str
     traced = False
     characters = 1  # of the line, that an octet takes
+    check = "CRC"  # that a frame ends in
 
     def send(self, octets: bytes) -> None:
         self._trace(">", octets)
@@ -346,7 +347,8 @@ class RtuLink(Link):
             return NotAsked(
                 f"unit {request.unit} answered something else than {request.what}: {shown(octets)}"
             )
-        wrong = "an answer with a wrong CRC" if self._is_whole(request, octets) else "no whole answer"
+        whole = self._is_whole(request, octets)
+        wrong = f"an answer with a wrong {self.stream.check}" if whole else "no whole answer"
         return Damaged(f"{wrong} came to {request.what} of unit {request.unit}: {shown(octets)}")
 
 
