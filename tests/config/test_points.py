@@ -16,6 +16,7 @@ import pytest
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.linesim import LineSim
 from lab.master import Master
+from rig.configuration import VALIDATOR
 
 ROOT = Path(__file__).resolve().parents[2]
 PLANT = ROOT / "docs/examples/plant.json"
@@ -441,6 +442,68 @@ def test_what_scales_is_read_before(
     result = rtud(programs, "--check", write(tmp_path / "gateway.json", plant_of(slave)))
     assert said in result.stderr
     assert result.returncode == (1 if said else 0)
+
+
+@pytest.mark.parametrize(
+    ("address", "slave", "said"),
+    [
+        (1, {}, ""),
+        (9, {"holes": False}, '"places" is not read before this object'),
+        (9, {}, ""),
+        (1, {"max_registers": 1}, '"places" is not read before this object'),
+    ],
+    ids=["neighbours", "apart", "over a hole", "one at a time"],
+)
+def test_what_scales_is_read_with_it(
+    programs: Path, tmp_path: Path, address: int, slave: dict[str, Any], said: str
+) -> None:
+    registers = [{"address": address, "name": "places"}, {"address": 0, "scale_by": "places"}]
+    every = {"id": 1, "period_ms": 1000, "holding_registers": registers} | slave
+    result = rtud(programs, "--check", write(tmp_path / "gateway.json", plant_of(every)))
+    assert said in result.stderr
+    assert result.returncode == (1 if said else 0)
+
+
+def test_a_pulse_that_is_overwritten_is_noted(programs: Path, tmp_path: Path) -> None:
+    coil = {"address": 0, "short_pulse_ms": 500, "write_values": [0]}
+    for keys, noted in (({"write_every_ms": 1000}, True), ({"write_at_return": True}, False)):
+        file = write(tmp_path / "gateway.json", plant_of({"id": 1, "coils": [coil | keys]}))
+        result = rtud(programs, "--check", file)
+        assert result.returncode == 0
+        said = "coils[0].write_every_ms: what is written each 1000 ms overwrites a commanded pulse"
+        assert (said in result.stderr) == noted
+
+
+@pytest.mark.parametrize(
+    ("key", "text", "type_", "fits"),
+    [
+        ("32767", "top", "scaled", True),
+        ("32768", "top", "scaled", False),
+        ("-32768", "least", "scaled", True),
+        ("2147483647", "top", "float", True),
+        ("2147483648", "top", "float", False),
+        ("-2147483648", "least", "float", True),
+        ("2147479999", "high", "float", True),
+        ("-1", "none", "bitstring", False),
+        ("-64", "low", "step", True),
+        ("64", "high", "step", False),
+        ("1", "1e3", "scaled", False),
+        ("1", "0x1f", "scaled", False),
+        ("1", "nan", "scaled", False),
+        ("1", "Infinity", "scaled", False),
+        ("1", "infinite", "scaled", True),
+        ("1", "3 phases", "scaled", True),
+        ("1", "a\tb", "scaled", False),
+    ],
+)
+def test_schema_and_rtud_take_the_same_names(
+    programs: Path, tmp_path: Path, key: str, text: str, type_: str, fits: bool
+) -> None:
+    register = {"address": 0, "type": type_, "names": {key: text}}
+    plant = plant_of({"id": 1, "holding_registers": [register]})
+    result = rtud(programs, "--check", write(tmp_path / "gateway.json", plant))
+    assert (result.returncode == 0) == fits
+    assert VALIDATOR.is_valid(plant) == fits
 
 
 def test_list_of_points_has_every_key_of_an_object(programs: Path) -> None:

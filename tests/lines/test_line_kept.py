@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the gateway itself writes to a device: constants, and what was commanded last."""
 
+import json
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -34,9 +35,12 @@ OBJECTS = [
 
 
 def configuration() -> dict[str, Any]:
+    """Of two lines of one process."""
     pace = {"baud_rate": 115200, "data_bits": 8, "stop_bits": 1, "parity": 0}
     slave = {"id": 5, **patience(), "retries": 0, "probe_max_s": 1, HOLDING: OBJECTS}
-    return {"iec104": {}, "port": [{"value": 1, "active": 1, **pace, "slaves": [slave]}]}
+    other = {"id": 6, **patience(), HOLDING: [{"address": 0}]}
+    lines = [{"value": 1, "slaves": [slave]}, {"value": 2, "slaves": [other]}]
+    return {"iec104": {}, "port": [{"active": 1, **pace, **line} for line in lines]}
 
 
 @pytest.fixture(scope="module")
@@ -132,3 +136,14 @@ def test_a_refusal_is_told_once_and_nothing_else_suffers(running: Substation) ->
         WAIT_S,
         "it is said that it is taken again",
     )
+
+
+def test_what_was_commanded_last_outlives_a_reload_of_another_line(running: Substation) -> None:
+    gateway = running.gateway
+    gateway.ctl("set", "limit", "78")
+    running.lines.set(DEVICE, HOLDING, LIMIT, 0)
+    changed = json.loads(gateway.config_file.read_text())
+    changed["port"][1]["slaves"][0]["retries"] = 5
+    gateway.config_file.write_text(json.dumps(changed))
+    assert "nothing changes" not in gateway.ctl("reload")
+    holds(running, LIMIT, 78)

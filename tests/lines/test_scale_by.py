@@ -13,6 +13,8 @@ from rig.desk import Substation, gateway_on_lines, patience
 DEVICE, HOLDING, INPUT = "1.5", "holding_registers", "input_registers"
 POWER, CURRENT, PLACES, RATIO, LIMIT = 0, 1, 10, 11, 20
 COUNT, FRACTION, OF_COUNT, OF_FRACTION = 30, 31, 32, 34
+RARE, OF_RARE = 40, 41
+RARELY = {"period_ms": 86_400_000}
 WAIT_S = 60.0
 
 
@@ -31,6 +33,8 @@ def configuration() -> dict[str, Any]:
         {"address": FRACTION, "type": "float", "format": "int16", "scale": 0.5, "name": "fraction"},
         {"address": OF_COUNT, "type": "float", "name": "of_count", "factor_by": "count"},
         {"address": OF_FRACTION, "type": "float", "name": "of_fraction", "scale_by": "fraction"},
+        {"address": OF_RARE, "format": "int16", "name": "of_rare", "scale_by": "rare", **RARELY},
+        {"address": RARE, "name": "rare", **RARELY},
     ]
     slave = {"id": 5, **patience(), INPUT: inputs, HOLDING: registers}
     return {"iec104": {}, "port": [{"value": 1, "active": 1, **pace, "slaves": [slave]}]}
@@ -38,7 +42,7 @@ def configuration() -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def running(programs: Path) -> Iterator[Substation]:
-    values = {DEVICE: {INPUT: {"0": -15, "1": 7}, HOLDING: {"10": 2, "11": 80}}}
+    values = {DEVICE: {INPUT: {"0": -15, "1": 7}, HOLDING: {"10": 2, "11": 80, "40": 1, "41": 7}}}
     with gateway_on_lines(configuration(), programs, values) as (lines, gateway):
         yield Substation(lines, gateway)
 
@@ -60,6 +64,10 @@ def test_power_and_factor_are_read_of_other_tables(running: Substation) -> None:
     running.lines.set(DEVICE, HOLDING, PLACES, -1, 10)
     shows(running, "power", -15 * 0.1 * 5 + 1)
     shows(running, "current", 7 * 5)
+
+
+def test_what_is_read_with_a_value_scales_it(running: Substation) -> None:
+    shows(running, "of_rare", 70)  # the next read is tomorrow's
 
 
 def test_without_one_there_is_no_value(running: Substation) -> None:

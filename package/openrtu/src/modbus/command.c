@@ -117,29 +117,41 @@ static void put_back(struct modbus_line *line)
 	line->command_count++;
 }
 
-bool modbus_turn(struct modbus_line *line, bool *turned, int64_t now_ns)
+bool modbus_turn(struct modbus_line *line, bool *turned)
 {
 	struct modbus_device *device = &line->devices[line->device];
 	uint8_t unknown = line->request.function, other = other_function(&line->request);
 
 	if (other == 0)
 		return false;
+	device->writes.unproven &= ~(1u << unknown);
 	/* It knows neither. */
 	if (*turned) {
 		*learned_function(device, unknown) = 0;
 		return false;
 	}
 	*learned_function(device, unknown) = other;
+	device->writes.unproven |= 1u << other;
 	*turned = true;
-	if (line->events->turned != NULL)
-		line->events->turned(line->context, line->device, unknown, other, now_ns);
 	return true;
 }
 
-bool modbus_turn_command(struct modbus_line *line, int64_t now_ns)
+void modbus_function_is_known(struct modbus_line *line, int64_t now_ns)
 {
-	if (line->command_count == line->command_capacity ||
-	    !modbus_turn(line, &line->command.turned, now_ns))
+	struct modbus_write_functions *writes = &line->devices[line->device].writes;
+	const uint8_t unknown = other_function(&line->request);
+	const uint32_t function = unknown == 0 ? 0 : 1u << line->request.function;
+
+	if (!(writes->unproven & function))
+		return;
+	writes->unproven &= ~function;
+	if (line->events->turned != NULL)
+		line->events->turned(line->context, line->device, unknown, line->request.function, now_ns);
+}
+
+bool modbus_turn_command(struct modbus_line *line)
+{
+	if (line->command_count == line->command_capacity || !modbus_turn(line, &line->command.turned))
 		return false;
 	put_back(line);
 	return true;

@@ -45,12 +45,13 @@ static bool may_be_named(const struct modbus_entry *other, const struct modbus_e
 	       (link < MODBUS_STATUS_BITS ? other->point.type == MAP_SINGLE : is_number(other));
 }
 
-/* Else the value may be read first, and be without its scale for a whole period. */
-static bool is_read_sooner(const struct modbus_entry *other, const struct modbus_entry *entry)
+/* Else the value may be read first, and be without its scale for a whole period. Of two that may share a request, the plan says whether they do. */
+static bool may_be_read_in_time(const struct modbus_entry *other, const struct modbus_entry *entry)
 {
 	const uint32_t period_ms = entry->wire.scan_period_ms, others_ms = other->wire.scan_period_ms;
 
-	return period_ms == 0 || (others_ms > 0 && others_ms < period_ms);
+	return period_ms == 0 || (others_ms > 0 && others_ms < period_ms) ||
+	       (others_ms == period_ms && other->wire.table == entry->wire.table);
 }
 
 static bool has_extra(const struct modbus_entry *entry)
@@ -88,10 +89,8 @@ static void resolve_link(struct modbus_loader *loader, const struct modbus_entry
 		other = find(names, config->point_count, "", name);
 	if (!may_be_named(other, entry, link))
 		refuse(loader, &here, name, link);
-	else if (link >= MODBUS_STATUS_BITS && !is_read_sooner(other, entry))
-		config_error(loader->report, &here,
-			     "\"%s\" is not read before this object, expected one with a shorter period_ms",
-			     name);
+	else if (link >= MODBUS_STATUS_BITS && !may_be_read_in_time(other, entry))
+		config_error(loader->report, &here, MODBUS_READ_TOO_LATE, name);
 	else
 		extra->links[link] =
 		    (uint16_t)(1 + (other - loader->entries) - config->sets[entry->point.set].first_point);

@@ -114,6 +114,11 @@ const struct config_place *modbus_entry_place(const struct modbus_entry *entry,
 /* Fills in what few of the entries' points have. The entries are in their final order. */
 void modbus_resolve_extras(struct modbus_loader *loader);
 
+/* Of the name of a point that scales another one. */
+#define MODBUS_READ_TOO_LATE                                                                                 \
+	"\"%s\" is not read before this object, expected one with a shorter period_ms, or in one request "   \
+	"with it"
+
 /* ---- config_keeps.c ---------------------------------------------------------------------- */
 
 /* Keeps what the gateway itself writes, and says what cannot be. The entries are in their final order. */

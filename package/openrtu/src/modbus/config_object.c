@@ -157,6 +157,18 @@ static void check_kept_scale(struct modbus_loader *loader, const struct config_p
 				     modbus_object_rules[of_scale[i]].name);
 }
 
+static void check_kept_pulse(struct modbus_loader *loader, const struct config_place *object,
+			     const struct config_value *values)
+{
+	const struct config_place every = modbus_object_key(object, OBJECT_WRITE_EVERY);
+
+	if (values[OBJECT_WRITE_EVERY].given &&
+	    (values[OBJECT_SHORT_PULSE].given || values[OBJECT_LONG_PULSE].given))
+		config_note(loader->report, &every,
+			    "what is written each %lld ms overwrites a commanded pulse that is under way",
+			    (long long)values[OBJECT_WRITE_EVERY].integer);
+}
+
 static void check_kept(struct modbus_loader *loader, const struct config_place *object,
 		       const struct config_value *values)
 {
@@ -169,6 +181,7 @@ static void check_kept(struct modbus_loader *loader, const struct config_place *
 		}
 	if (!values[OBJECT_WRITE_VALUES].given)
 		return;
+	check_kept_pulse(loader, object, values);
 	if (json_array_size(values[OBJECT_WRITE_VALUES].json) == 0)
 		config_error(loader->report, &value, "is empty, expected at least one number");
 	if (!is_kept(values) && !values[OBJECT_WRITE_EVERY].wrong && !values[OBJECT_WRITE_AT_RETURN].wrong)

@@ -60,16 +60,39 @@ const struct config_rule modbus_object_rules[OBJECT_KEYS] = {
 				 .see = "iec61850.md#logical-nodes")},
     [OBJECT_NAMES] =
 	{CONFIG_KEY_NAMES, CONFIG_OBJECT,
-	 CONFIG_SAYS("What its values are called, by the value sent, an integer. Of all types but normalized "
-		     "and counter. A command gives one of these.",
-		     .see = "configuration.md#names-of-values",
-		     .json = CONFIG_JSON({
-			     "minProperties" : 1,
-			     "maxProperties" : 64,
-			     "propertyNames" : {"pattern" : "^(0|-?[1-9][0-9]{0,9})$"},
-			     "additionalProperties" : {"type" : "string", "minLength" : 1, "maxLength" : 31},
-			     "examples" : [ {"0" : "off", "1" : "on"} ]
-		     }))},
+	 CONFIG_SAYS(
+	     "What its values are called, by the value sent, an integer. Of all types but normalized "
+	     "and counter. A command gives one of these.",
+	     .see = "configuration.md#names-of-values",
+	     .json = CONFIG_JSON({
+		     "minProperties" : 1,
+		     "maxProperties" : 64,
+		     "propertyNames" : {
+			     "anyOf" : [
+				     {"pattern" : "^(0|-?([1-9][0-9]{0,8}|1[0-9]{9}|20[0-9]{8}))$"},
+				     {"pattern" : "^-?(21[0-3][0-9]{7}|214[0-6][0-9]{6})$"},
+				     {"pattern" : "^-?(2147[0-3][0-9]{5}|21474[0-7][0-9]{4})$"},
+				     {"pattern" : "^-?(214748[0-2][0-9]{3}|2147483[0-5][0-9]{2})$"},
+				     {"pattern" : "^(-?(21474836[0-3][0-9]|214748364[0-7])|-2147483648)$"}
+			     ]
+		     },
+		     "additionalProperties" : {
+			     "type" : "string",
+			     "minLength" : 1,
+			     "maxLength" : 31,
+			     "pattern" : "^[^\\u0000-\\u001f\\u007f]+$",
+			     "not" : {
+				     "anyOf" : [
+					     {"pattern" : "^ *[-+]?[0-9]+([.][0-9]*)?([eE][-+]?[0-9]+)?$"},
+					     {"pattern" : "^ *[-+]?[.][0-9]+([eE][-+]?[0-9]+)?$"},
+					     {"pattern" : "^ *[-+]?0[xX][0-9a-fA-F.]+([pP][-+]?[0-9]+)?$"},
+					     {"pattern" : "^ *[-+]?[iI][nN][fF]([iI][nN][iI][tT][yY])?$"},
+					     {"pattern" : "^ *[-+]?[nN][aA][nN]([(][0-9a-zA-Z_]*[)])?$"}
+				     ]
+			     }
+		     },
+		     "examples" : [ {"0" : "off", "1" : "on"} ]
+	     }))},
     [OBJECT_DECIMALS] = {"decimals", CONFIG_INTEGER, .low = 0, .high = 7,
 			 CONFIG_SAYS("Of float: decimals of the value as SNMP has it, a whole number.",
 				     .otherwise = 3)},

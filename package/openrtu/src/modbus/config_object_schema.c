@@ -78,16 +78,50 @@ static bool put_types(json_t *schema, unsigned types, enum map_type usual)
 	return done;
 }
 
+/* The values that each type has, as the keys of `names` write them. */
+static const struct {
+	enum map_type type;
+	const char *pattern;
+} named_values[] = {
+    {MAP_SINGLE, "^[01]$"},
+    {MAP_DOUBLE, "^[0-3]$"},
+    {MAP_STEP, "^(0|-?([1-9]|[1-5][0-9]|6[0-3])|-64)$"},
+    {MAP_BITSTRING, "^[0-9]"},
+    {MAP_SCALED, "^(0|-?([1-9][0-9]{0,3}|[12][0-9]{4}|3[01][0-9]{3}|32[0-6][0-9]{2}|327[0-5][0-9]|"
+		 "3276[0-7])|-32768)$"},
+};
+
+static bool put_named_values(json_t *schema, unsigned types, enum map_type usual)
+{
+	bool done = true;
+
+	for (size_t i = 0; done && i < sizeof(named_values) / sizeof(named_values[0]); i++) {
+		json_t *then;
+
+		if (!(types & MODBUS_TYPE(named_values[i].type)))
+			continue;
+		then = on_condition(schema, is_of(MODBUS_TYPE(named_values[i].type), usual), "then");
+		done =
+		    then != NULL &&
+		    json_object_set_new(then, "properties",
+					json_pack("{s:{s:{s:s}}}", modbus_object_rules[OBJECT_NAMES].name,
+						  "propertyNames", "pattern", named_values[i].pattern)) == 0;
+	}
+	return done;
+}
+
 /* Of bits, in a table of bits or in a register: what their type gives no meaning. */
 static bool put_types_of_bits(json_t *schema)
 {
-	return put_types(schema, MODBUS_BIT_TYPES, MAP_SINGLE);
+	return put_types(schema, MODBUS_BIT_TYPES, MAP_SINGLE) &&
+	       put_named_values(schema, MODBUS_BIT_TYPES, MAP_SINGLE);
 }
 
 /* The same of what fills registers. */
 static bool put_types_of_registers(json_t *schema)
 {
-	return put_types(schema, MODBUS_REGISTER_TYPES, MAP_SCALED);
+	return put_types(schema, MODBUS_REGISTER_TYPES, MAP_SCALED) &&
+	       put_named_values(schema, MODBUS_REGISTER_TYPES, MAP_SCALED);
 }
 
 /* What is only written has no keys of what is read. */

@@ -50,6 +50,46 @@ static void check_read(struct modbus_loader *loader, const struct config_place *
 			     read->function, read->address, least_ms, period_ms);
 }
 
+/* ---- values and what scales them --------------------------------------------------------- */
+
+/* The read that has the point; NULL: it is not read. */
+static const struct modbus_read *read_of(const struct modbus_device *device, uint32_t point)
+{
+	for (uint32_t i = 0; i < device->read_count; i++)
+		for (uint32_t j = 0; j < device->reads[i].objects; j++)
+			if (device->objects[device->reads[i].first + j].tag == point)
+				return &device->reads[i];
+	return NULL;
+}
+
+/* Of two with one period, the value would otherwise be without its scale until the next time. */
+static void check_scale(struct modbus_loader *loader, const struct modbus_device *device, uint32_t point,
+			unsigned link)
+{
+	const struct modbus_entry *entry = &loader->entries[point];
+	const struct modbus_extra *extra = modbus_extra_of(loader->config, &entry->wire);
+	const uint32_t other = loader->config->sets[entry->point.set].first_point + extra->links[link] - 1u;
+	struct config_place links[MODBUS_ENTRY_LINKS];
+	const struct config_place here =
+	    config_key_of(modbus_entry_place(entry, links), modbus_link_keys[link]);
+
+	if (entry->wire.scan_period_ms > 0 &&
+	    entry->wire.scan_period_ms == loader->entries[other].wire.scan_period_ms &&
+	    read_of(device, point) != read_of(device, other))
+		config_error(loader->report, &here, MODBUS_READ_TOO_LATE, entry->links[link]);
+}
+
+static void check_scales(struct modbus_loader *loader, const struct modbus_device *device)
+{
+	for (uint32_t i = 0; i < device->object_count; i++) {
+		const uint32_t point = device->objects[i].tag;
+
+		for (unsigned link = MODBUS_STATUS_BITS; link < MODBUS_LINKS; link++)
+			if (loader->entries[point].links[link] != NULL)
+				check_scale(loader, device, point, link);
+	}
+}
+
 /* A line's devices are its slaves in the order of the file. */
 static void check_reads(struct modbus_loader *loader, const struct config_place *port,
 			const struct modbus_line *line)
@@ -139,6 +179,8 @@ static bool check_line(struct modbus_loader *loader, uint32_t number)
 
 	if (made)
 		check_reads(loader, &port, &line);
+	for (uint32_t i = 0; made && i < line.device_count; i++)
+		check_scales(loader, &line.devices[i]);
 	if (made && loader->report->errors == errors)
 		check_load(loader, &port, &line);
 	if (made)

@@ -25,6 +25,7 @@ void modbus_keep_command(struct modbus_line *line, int64_t now_ns)
 		if (kept->constants != NULL || kept->tag != line->command.tag)
 			continue;
 		kept->request = line->command.request;
+		kept->news = true;
 		kept->due_ns = next_time_ns(kept, now_ns);
 	}
 }
@@ -117,7 +118,7 @@ void modbus_kept_ended(struct modbus_line *line, enum modbus_result result, uint
 	struct modbus_kept *kept = &device->kept[line->kept];
 
 	if (result == MODBUS_REFUSED && exception == MODBUS_ILLEGAL_FUNCTION &&
-	    modbus_turn(line, &kept->turned, now_ns))
+	    modbus_turn(line, &kept->turned))
 		return;
 	if (result == MODBUS_DONE) {
 		kept->failures = 0;

@@ -144,6 +144,7 @@ struct modbus_kept {
 
 	/* The line's own. */
 	struct modbus_request request; /* that was commanded; function 0: nothing yet */
+	bool news;                     /* it is another one; the caller's to clear */
 	uint32_t next;                 /* of the constants */
 	bool turned;
 	uint32_t failures; /* unanswered in a row */
@@ -175,6 +176,7 @@ struct modbus_device {
 	struct modbus_pause pause;
 	struct modbus_write_functions {
 		uint8_t coils, registers; /* learned by exception 1 to the other one; 0: nothing was */
+		uint32_t unproven;        /* of these, not answered yet otherwise: a bit for each function */
 	} writes;
 	uint32_t read_count;
 	bool news;          /* of what it takes (learned.h); the caller's to clear */
@@ -229,7 +231,7 @@ struct modbus_events {
 	void (*late)(void *context, uint32_t device, int64_t latency_ns, int64_t now_ns);
 	/* The device needs that pause behind its answer. */
 	void (*pause)(void *context, uint32_t device, int64_t pause_ns, int64_t now_ns);
-	/* The device does not know a function that writes, and is written with the other one from now on. */
+	/* The device does not know a function that writes, and has answered the other one, with which it is written from now on. */
 	void (*turned)(void *context, uint32_t device, uint8_t unknown, uint8_t function, int64_t now_ns);
 	/* What the line writes by itself ends otherwise than the last time. */
 	void (*kept)(void *context, uint32_t device, const struct modbus_kept *kept, int64_t now_ns);

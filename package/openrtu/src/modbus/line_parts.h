@@ -93,9 +93,11 @@ void modbus_choose_function(const struct modbus_device *device, struct modbus_re
  * The device does not know the function of line->command (exception 1), so it has certainly not carried it out. True: the
  * command goes out once more, with the other function that writes the same.
  */
-bool modbus_turn_command(struct modbus_line *line, int64_t now_ns);
+bool modbus_turn_command(struct modbus_line *line);
 /* Of line->request; turned: it has been done to it. True: the other function is to be tried. */
-bool modbus_turn(struct modbus_line *line, bool *turned, int64_t now_ns);
+bool modbus_turn(struct modbus_line *line, bool *turned);
+/* The request under way was answered, and not as a function that the device does not know. */
+void modbus_function_is_known(struct modbus_line *line, int64_t now_ns);
 /* Answers line->command. What was written is read back. */
 void modbus_end_command(struct modbus_line *line, enum modbus_result result, uint8_t exception);
 

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "modbus/config.h"
+#include "modbus/same.h"
 
 /* What lies before it in its module's section, or of all lines of that process. */
 struct place {
@@ -25,13 +26,29 @@ static struct place place_of(const struct map_config *config, uint16_t process, 
 	return place;
 }
 
-/* The lines of its process, then all their devices, then all their frames: what other processes have changes nothing in it. */
+/* Points below end, whose last command the gateway writes again, and whose lines are the process'. */
+static uint32_t commanded_before(const struct map_config *config, uint16_t process, uint32_t end)
+{
+	const struct modbus_keep *keeps = modbus_keeps(config);
+	const uint32_t records = map_record_count(config, MODBUS_KEEPS);
+	uint32_t count = 0;
+
+	for (uint32_t i = 0; i < records && keeps[i].point < end; i++) {
+		const struct modbus_slave *slave = &modbus_slaves(config)[config->points[keeps[i].point].set];
+
+		count += !keeps[i].has_value && modbus_ports(config)[slave->port].process == process;
+	}
+	return count;
+}
+
+/* The lines of its process, then all their devices, all their frames, and what was commanded: what other processes have changes nothing in it. */
 size_t modbus_stats_size(const struct map_config *config, uint16_t process)
 {
 	const struct place all = place_of(config, process, modbus_port_count(config));
 
 	return all.lines * (sizeof(struct modbus_line_stats) + sizeof(struct modbus_frames)) +
-	       all.devices * sizeof(struct modbus_device_stats);
+	       all.devices * sizeof(struct modbus_device_stats) +
+	       commanded_before(config, process, MAP_NONE) * sizeof(struct modbus_commanded_stats);
 }
 
 static bool sizes_are_known(const struct map *map)
@@ -85,6 +102,17 @@ static size_t offset_of_frames(const struct map_config *config, uint32_t line)
 	       place_of(config, port->process, line).lines * sizeof(struct modbus_frames);
 }
 
+static size_t offset_of_commanded(const struct map_config *config, uint32_t point)
+{
+	const struct modbus_slave *slave = &modbus_slaves(config)[config->points[point].set];
+	const uint16_t process = modbus_ports(config)[slave->port].process;
+	const struct place all = place_of(config, process, modbus_port_count(config));
+
+	return all.lines * (sizeof(struct modbus_line_stats) + sizeof(struct modbus_frames)) +
+	       all.devices * sizeof(struct modbus_device_stats) +
+	       commanded_before(config, process, point) * sizeof(struct modbus_commanded_stats);
+}
+
 struct modbus_line_stats *modbus_line_stats(const struct map *map, uint32_t line)
 {
 	const struct map_config *config = map_config(map);
@@ -107,6 +135,15 @@ struct modbus_frames *modbus_line_frames(const struct map *map, uint32_t line)
 	uint8_t *section = stats_of(map, &modbus_ports(config)[line]);
 
 	return (void *)(section + offset_of_frames(config, line));
+}
+
+struct modbus_commanded_stats *modbus_commanded_stats(const struct map *map, uint32_t point)
+{
+	const struct map_config *config = map_config(map);
+	const struct modbus_slave *slave = &modbus_slaves(config)[config->points[point].set];
+	uint8_t *section = stats_of(map, &modbus_ports(config)[slave->port]);
+
+	return (void *)(section + offset_of_commanded(config, point));
 }
 
 bool modbus_line_is_open(const struct map *map, uint32_t line)
@@ -143,6 +180,37 @@ static uint32_t find_device(const struct map_config *config, const struct modbus
 	return MAP_NONE;
 }
 
+/* The point of the device whose last command is kept, and which is the same; MAP_NONE: there is none. */
+static uint32_t find_commanded(const struct map_config *before, uint32_t device, const struct map_config *now,
+			       uint32_t point)
+{
+	const struct map_set *set = &before->sets[device];
+	const struct modbus_keep *keep;
+
+	for (uint32_t i = set->first_point; i < set->first_point + set->point_count; i++)
+		if (modbus_keeps_of(before, i, &keep) > 0 && !keep->has_value &&
+		    modbus_same_point(before, i, now, point))
+			return i;
+	return MAP_NONE;
+}
+
+/* With another scale, the same octets would be another value: only a point that is the same goes on with them. */
+static void carry_commanded(const struct map_config *before, uint32_t former, const uint8_t *from,
+			    const struct map_config *now, uint32_t device, uint8_t *to)
+{
+	const struct map_set *set = &now->sets[device];
+	const struct modbus_keep *keep;
+
+	for (uint32_t i = set->first_point; i < set->first_point + set->point_count; i++) {
+		const bool commanded = modbus_keeps_of(now, i, &keep) > 0 && !keep->has_value;
+		const uint32_t point = commanded ? find_commanded(before, former, now, i) : MAP_NONE;
+
+		if (point != MAP_NONE)
+			memcpy(to + offset_of_commanded(now, i), from + offset_of_commanded(before, point),
+			       sizeof(struct modbus_commanded_stats));
+	}
+}
+
 static void carry_devices(const struct map_config *before, const struct modbus_port *former,
 			  const uint8_t *from, const struct map_config *now, const struct modbus_port *port,
 			  uint8_t *to)
@@ -150,9 +218,11 @@ static void carry_devices(const struct map_config *before, const struct modbus_p
 	for (uint32_t i = port->first_device; i < port->first_device + port->device_count; i++) {
 		const uint32_t device = find_device(before, former, modbus_slaves(now)[i].unit);
 
-		if (device != MAP_NONE)
-			memcpy(to + offset_of_device(now, i), from + offset_of_device(before, device),
-			       offsetof(struct modbus_device_stats, alive));
+		if (device == MAP_NONE)
+			continue;
+		memcpy(to + offset_of_device(now, i), from + offset_of_device(before, device),
+		       offsetof(struct modbus_device_stats, alive));
+		carry_commanded(before, device, from, now, i, to);
 	}
 }
 

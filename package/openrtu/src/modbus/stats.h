@@ -6,6 +6,7 @@
 #include <stdatomic.h>
 
 #include "map/map.h"
+#include "modbus/frame.h"
 #include "modbus/frames.h"
 
 #define MODBUS_KIND "modbus"
@@ -80,6 +81,12 @@ struct modbus_device_stats {
 	struct modbus_learned_stats learned;
 };
 
+/* What was commanded last where the gateway itself writes that (config.h, struct modbus_keep). */
+struct modbus_commanded_stats {
+	_Atomic uint32_t request; /* function, count and address: bits 24..31, 16..23, 0..15; 0: nothing */
+	_Atomic uint32_t values[MODBUS_WRITE_MAX / 2]; /* two each, the first in bits 0..15 */
+};
+
 /* Of a line, that have names for all: map_name_counter. */
 #define MODBUS_LINE_COUNTERS 18
 
@@ -87,6 +94,8 @@ struct modbus_device_stats {
 struct modbus_line_stats *modbus_line_stats(const struct map *map, uint32_t line);
 struct modbus_device_stats *modbus_device_stats(const struct map *map, uint32_t device);
 struct modbus_frames *modbus_line_frames(const struct map *map, uint32_t line);
+/* Of a point that the gateway itself writes, without values of its own. */
+struct modbus_commanded_stats *modbus_commanded_stats(const struct map *map, uint32_t point);
 /* What a process shows of now, which is nothing when it does not run: a line is open, a device answers. */
 bool modbus_line_is_open(const struct map *map, uint32_t line);
 bool modbus_device_answers(const struct map *map, uint32_t device);

@@ -131,7 +131,7 @@ static void learn_pause(struct modbus_line *line, int64_t now_ns)
 
 static void command_answered(struct modbus_line *line, bool is_exception, uint8_t exception, int64_t now_ns)
 {
-	if (exception == MODBUS_ILLEGAL_FUNCTION && modbus_turn_command(line, now_ns))
+	if (exception == MODBUS_ILLEGAL_FUNCTION && modbus_turn_command(line))
 		return;
 	if (!is_exception)
 		modbus_keep_command(line, now_ns);
@@ -165,6 +165,8 @@ void modbus_request_answered(struct modbus_line *line, const uint8_t *body, bool
 	if (modbus_is_read(line->request.function) && !line->echoed && device->echoes > 0)
 		device->echoes--;
 	modbus_settle_unanswered(device, &line->request, is_exception, line->sent_ns, now_ns);
+	if (!unreachable && exception != MODBUS_ILLEGAL_FUNCTION)
+		modbus_function_is_known(line, now_ns);
 
 	if (line->purpose == MODBUS_COMMAND)
 		command_answered(line, is_exception, exception, now_ns);

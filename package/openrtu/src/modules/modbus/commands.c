@@ -248,7 +248,8 @@ static void begin(struct commands *commands, const struct map_request *request)
 					  .pulse_ms = request->pulse_ms};
 	struct modbus_point wire = written(commands, request->point);
 	const int8_t exponent =
-	    scaling_apply(commands->map, request->point, commands->exponents[request->point], &wire);
+	    scaling_apply(commands->map, request->point, commands->exponents[request->point], &wire,
+			  (struct scaling_read){NULL, 0});
 	/* Not what it is forced to: a step goes from where the device is. */
 	const struct map_sample last = map_own_sample(commands->map, request->point);
 	enum map_command_result result;

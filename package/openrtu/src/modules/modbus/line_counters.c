@@ -71,6 +71,30 @@ static void show_device(struct modbus_device_stats *stats, struct modbus_device 
 	}
 }
 
+/* One that dies within this has nothing to go on with. */
+static void show_commanded(struct modbus_commanded_stats *stats, const struct modbus_request *request)
+{
+	show(&stats->request, 0);
+	for (uint32_t i = 0; i < MODBUS_WRITE_MAX / 2; i++)
+		show(&stats->values[i], request->values[2 * i] | (uint32_t)request->values[2 * i + 1] << 16);
+	atomic_store_explicit(&stats->request,
+			      (uint32_t)request->function << 24 | (uint32_t)request->count << 16 |
+				  request->address,
+			      memory_order_release);
+}
+
+static void show_all_commanded(const struct map *map, struct modbus_device *device)
+{
+	for (uint32_t i = 0; i < device->kept_count; i++) {
+		struct modbus_kept *kept = &device->kept[i];
+
+		if (!kept->news)
+			continue;
+		kept->news = false;
+		show_commanded(modbus_commanded_stats(map, kept->tag), &kept->request);
+	}
+}
+
 /* ---- of a former process ---------------------------------------------------------------------- */
 
 static void take_histogram(struct modbus_histogram *histogram, const struct map_histogram *shown)
@@ -94,6 +118,25 @@ static void take_device(struct modbus_device *device, const struct modbus_device
 	};
 	modbus_take_functions(device, stats->writes_coils, stats->writes_registers);
 	modbus_pause_take(&device->pause, stats->pause_us * NS_PER_US, map_now_ns());
+}
+
+static void take_commanded(struct modbus_request *request, const struct modbus_commanded_stats *stats,
+			   uint8_t unit)
+{
+	*request = (struct modbus_request){.unit = unit,
+					   .function = (uint8_t)(stats->request >> 24),
+					   .count = stats->request >> 16 & 0xFF,
+					   .address = (uint16_t)stats->request};
+	for (uint32_t i = 0; i < MODBUS_WRITE_MAX; i++)
+		request->values[i] = (uint16_t)(stats->values[i / 2] >> 16 * (i % 2));
+}
+
+static void take_all_commanded(const struct map *map, struct modbus_device *device)
+{
+	for (uint32_t i = 0; i < device->kept_count; i++)
+		if (device->kept[i].constants == NULL)
+			take_commanded(&device->kept[i].request,
+				       modbus_commanded_stats(map, device->kept[i].tag), device->unit);
 }
 
 static void take_connection(struct modbus_connection *connection, const struct modbus_line_stats *stats)
@@ -129,9 +172,11 @@ void line_counters_take(struct port *port)
 	take_histogram(&counters->transactions, &stats->transactions);
 	take_histogram(&port->wakeups, &stats->wakeups);
 	take_connection(&port->line.connection, stats);
-	for (uint32_t i = 0; i < port->line.device_count; i++)
+	for (uint32_t i = 0; i < port->line.device_count; i++) {
 		take_device(&port->line.devices[i],
 			    modbus_device_stats(port->map, port->config->first_device + i));
+		take_all_commanded(port->map, &port->line.devices[i]);
+	}
 }
 
 /* ---- of this one ------------------------------------------------------------------------------ */
@@ -170,6 +215,8 @@ void line_counters_show(struct port *port)
 	show_histogram(&stats->wakeups, &port->wakeups);
 	show_histogram(&stats->transactions, &counters->transactions);
 	show_connection(stats, &port->line.connection);
-	for (uint32_t i = 0; i < port->line.device_count; i++)
+	for (uint32_t i = 0; i < port->line.device_count; i++) {
 		show_device(modbus_device_stats(map, port->config->first_device + i), &port->line.devices[i]);
+		show_all_commanded(map, &port->line.devices[i]);
+	}
 }

@@ -82,19 +82,45 @@ static void note_answer(struct line_results *results, uint32_t device, int64_t n
 		say_well(results, device, map_trouble_ended(&news->death, now_ns, text));
 }
 
-static void convert(const struct line_results *results, uint32_t number, int8_t exponent,
-		    const uint16_t raw[CONVERT_WIDTH_MAX], struct map_sample *sample)
+static void take_object(struct line_results *results, const struct modbus_read *read, const uint8_t *data,
+			uint32_t point, struct map_update *update)
 {
-	const struct modbus_knot *knots = modbus_knots(map_config(results->map));
-	struct modbus_point wire;
+	const struct modbus_point *config = &results->points[point];
+	const int8_t exponent = take_exponent(results, read, data, point);
+	uint16_t raw[CONVERT_WIDTH_MAX] = {0};
 
-	if (results->points[number].extra == 0) {
-		convert_to_sample(&results->points[number], knots, exponent, raw, sample);
-		return;
+	update->point = point;
+	update->cause = (uint8_t)commands_cause(results->commands, point);
+	update->flags = modbus_counts_16_bits(config) ? MAP_UPDATE_NARROW : 0;
+	take_raw(read, data, config, raw);
+	convert_to_sample(config, modbus_knots(map_config(results->map)), exponent, raw, &update->sample);
+}
+
+/* Once all that was read with it is there. */
+static void scale_by_others(const struct line_results *results, const struct modbus_read *read,
+			    const uint8_t *data, struct map_update *update)
+{
+	struct modbus_point wire = results->points[update->point];
+	const int8_t exponent = scaling_apply(results->map, update->point, results->exponents[update->point],
+					      &wire, (struct scaling_read){results->updates, read->objects});
+	uint16_t raw[CONVERT_WIDTH_MAX] = {0};
+
+	take_raw(read, data, &wire, raw);
+	convert_to_sample(&wire, modbus_knots(map_config(results->map)), exponent, raw, &update->sample);
+}
+
+static void take_objects(struct line_results *results, uint32_t device, const struct modbus_read *read,
+			 const uint8_t *data, int64_t now_ns)
+{
+	const struct modbus_object *objects = &results->line->devices[device].objects[read->first];
+
+	for (uint32_t i = 0; i < read->objects; i++) {
+		results->updates[i] = (struct map_update){.sample = {.time_ns = now_ns}};
+		take_object(results, read, data, objects[i].tag, &results->updates[i]);
 	}
-	wire = results->points[number];
-	exponent = scaling_apply(results->map, number, exponent, &wire);
-	convert_to_sample(&wire, knots, exponent, raw, sample);
+	for (uint32_t i = 0; i < read->objects; i++)
+		if (scaling_is_by_others(map_config(results->map), &results->points[objects[i].tag]))
+			scale_by_others(results, read, data, &results->updates[i]);
 }
 
 static void publish_read(void *context, uint32_t device, const struct modbus_read *read, const uint8_t *data,
@@ -103,19 +129,7 @@ static void publish_read(void *context, uint32_t device, const struct modbus_rea
 	struct line_results *results = context;
 
 	note_answer(results, device, now_ns);
-	for (uint32_t i = 0; i < read->objects; i++) {
-		uint32_t point = results->line->devices[device].objects[read->first + i].tag;
-		const struct modbus_point *config = &results->points[point];
-		uint16_t raw[CONVERT_WIDTH_MAX] = {0};
-		struct map_update *update = &results->updates[i];
-
-		*update = (struct map_update){.point = point,
-					      .cause = (uint8_t)commands_cause(results->commands, point),
-					      .flags = modbus_counts_16_bits(config) ? MAP_UPDATE_NARROW : 0,
-					      .sample = {.time_ns = now_ns}};
-		take_raw(read, data, config, raw);
-		convert(results, point, take_exponent(results, read, data, point), raw, &update->sample);
-	}
+	take_objects(results, device, read, data, now_ns);
 	publish(results, device_config(results, device), read->objects, now_ns);
 	for (uint32_t i = 0; i < read->objects; i++)
 		commands_published(results->commands, results->updates[i].point);

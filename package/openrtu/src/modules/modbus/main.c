@@ -371,6 +371,9 @@ static void serve(struct gateway *gateway)
 	while (commands_end_pulses(&gateway->commands, map_now_ns()) && map_now_ns() < limit_ns &&
 	       map_may_run(gateway->map))
 		take_turn(gateway);
+	/* The next process goes on with it. */
+	for (uint32_t i = 0; i < gateway->port_count; i++)
+		line_counters_show(&gateway->ports[i]);
 }
 
 int main(int argc, char **argv)
