@@ -10,15 +10,19 @@ UNDER_SANITIZERS = tests/gateway/test_gateway.py tests/lines/test_lines.py tests
 SHELL_FILES = .ci/run scripts/openrtu scripts/nuc980-pins scripts/nuc980-netboot scripts/kept tests/run/as-user.sh package/openrtu/container/*-* $(wildcard scripts/*.sh scripts/image/*.sh scripts/for-board/*.sh $(PROGRAMS)/*.sh board/*/*.sh package/*/S[0-9]* $(SRC)/*/*/*.sh \
   board/*/*/etc/init.d/* board/*/*/usr/sbin/*) board/nuc980/skeleton/init board/nuc980/skeleton/usr/share/udhcpc/default.script
 
-lint: $(LINTED) ## Test: check the sources: ruff, clang-format, cppcheck, shellcheck
+lint: build/clang-format.done ## Test: check the sources: ruff, clang-format, cppcheck, shellcheck
 	$(PYTHON) -m ruff check .
 	$(PYTHON) -m ruff format --check .
-	@echo clang-format --dry-run -Werror
-	@.venv/bin/clang-format --dry-run -Werror $(C_FILES)
 	@mkdir -p build/cppcheck
 	cppcheck --quiet -j 2 --cppcheck-build-dir=build/cppcheck --enable=warning,performance,portability --error-exitcode=1 --inline-suppr \
 	  --suppress=normalCheckLevelMaxBranches --library=scripts/cppcheck.cfg -I $(SRC) $(SRC) $(LINESIM) $(PLANT) $(BENCH) $(PROBES) $(PAYLOAD) $(PROGRAMS)
 	shellcheck --external-sources $(SHELL_FILES)
+
+# Of what has changed since; of all, if it is the style or the tool.
+build/clang-format.done: .clang-format $(LINTED) $(C_FILES)
+	@echo clang-format --dry-run -Werror
+	@.venv/bin/clang-format --dry-run -Werror $(if $(filter .clang-format $(LINTED),$?),$(C_FILES),$?)
+	@mkdir -p $(@D) && touch $@
 
 # Many of these wait for a line, a timer or a guest: four at a time fill two cores. A file's tests share what they start.
 WORKERS := 4
@@ -28,7 +32,7 @@ PYTEST = OPENRTU_TIMES=build/times/$@.json $(PYTHON) tests/run/alone.py -n $(WOR
 test-quick: LISTS := packages packages-lint packages-boards packages-tests
 test-quick: $(PACKAGES) $(LINTED) $(TESTED) ## Test: lint, C unit tests, the quick half of pytest
 	$(MAKE) --jobs 3 .lint-logged unit .venv/collected
-	@echo '   * pytest: some 4 000 quick tests, five at a time; a dot each'
+	@echo '   * pytest: some 4 000 quick tests, four at a time; a dot each'
 	$(MAKE) .quick
 
 .PHONY: .lint-logged
@@ -38,13 +42,11 @@ test-quick: $(PACKAGES) $(LINTED) $(TESTED) ## Test: lint, C unit tests, the qui
 # Nothing on the emulated board is quick, and nobody begins with the bench: each worker would read these files.
 QUICK := --ignore=tests/linux --ignore=tests/twin --ignore=tests/bench -m "not slow and not soak"
 
-# They wait three quarters of their time: five fill two cores.
 .PHONY: .quick
-.quick: WORKERS := 5
 .quick: build .venv/collected
 	$(PYTEST) $(QUICK)
 
-# pytest compiles a file of tests where it is first read, 5 CPU seconds for all. Workers begin together: each would do it.
+# pytest compiles a file of tests where it is first read, some CPU seconds for all. Workers begin together: each would do it.
 .venv/collected: $(TESTED) $(shell find tests -name '*.py') pyproject.toml
 	$(LOGGED) collected $(PYTHON) -m pytest --collect-only --quiet $(QUICK)
 	@touch $@

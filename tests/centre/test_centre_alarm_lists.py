@@ -18,6 +18,8 @@ from openrtu_tools.centre.settings import load
 from openrtu_tools.centre.users import put
 from postgres import Server
 
+pytestmark = pytest.mark.slow
+
 NAMES = ("mill", "north", "south", "weir")
 GROUPS = {"mill": "power"}
 

@@ -22,6 +22,8 @@ from openrtu_tools.centre.api import ROUTES
 from openrtu_tools.centre.entrance import HEAD_S, OF_HOST
 from openrtu_tools.centre.wire import BODY_S
 
+pytestmark = pytest.mark.slow
+
 FILES = 200
 HALF = b"GET / HTTP/1.1\r\nHost: x\r\nX-a: "
 
@@ -105,7 +107,6 @@ def test_what_cannot_be_accepted_is_a_line_a_second(site: Site) -> None:
     until(lambda: is_served(site), "it accepts again")
 
 
-@pytest.mark.slow
 def test_a_head_and_a_body_have_their_time(site: Site) -> None:
     vera = Client(site.port).login("vera", PASSWORD)
     body = "Content-Type: application/json\r\nContent-Length: 20\r\n"
@@ -136,7 +137,6 @@ def test_a_head_and_a_body_have_their_time(site: Site) -> None:
         assert ask is HALF or b" 408 " in answer
 
 
-@pytest.mark.slow
 def test_half_handshakes_shut_out_nobody(
     programs: Path, stations: Stations, north: Station, tmp_path: Path
 ) -> None:

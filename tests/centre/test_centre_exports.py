@@ -26,6 +26,8 @@ from openrtu_tools.centre.makers import Made, Makers
 from openrtu_tools.centre.store import EventRow
 from postgres import Server
 
+pytestmark = pytest.mark.slow
+
 S = 10**9
 DAY = 86400 * S
 ROWS = 5000  # more than are read at once

@@ -24,6 +24,8 @@ from openrtu_tools.centre.settings import load
 from openrtu_tools.centre.store import Database, EventRow
 from openrtu_tools.centre.web import opened
 
+pytestmark = pytest.mark.slow
+
 S = 10**9
 ROWS = 10_000  # a file of many pieces
 FILE = f"/api/events?format=csv&from=0&to={ROWS * 1000}"

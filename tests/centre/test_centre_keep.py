@@ -57,6 +57,7 @@ def segments(store: SqliteStore) -> list[int]:
     return sorted({*ways})
 
 
+@pytest.mark.slow
 def test_one_that_stands_keeps_no_more_than_its_gaps_need(
     store: SqliteStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:

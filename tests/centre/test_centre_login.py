@@ -26,6 +26,8 @@ from openrtu_tools.centre.sqlite import SqliteStore
 from postgres import Server
 from test_centre_kill import full
 
+pytestmark = pytest.mark.slow
+
 WRONG = "guessed password"
 CONFIRMED = {"own_password": PASSWORD}
 

@@ -174,6 +174,7 @@ def test_a_user_comes_in_with_the_role_that_the_file_says(site: Site, hostile: H
     assert "oidc:anna: oidc:anna: operator, of water, by the provider" in audited(site, "user")
 
 
+@pytest.mark.slow
 def test_a_role_is_what_the_provider_says_now(site: Site, hostile: Hostile) -> None:
     """A session that is there has it at once; no role is no way in."""
     hostile.claims = {"sub": "1002", "preferred_username": "bert"}
@@ -191,6 +192,7 @@ def test_a_role_is_what_the_provider_says_now(site: Site, hostile: Hostile) -> N
     )
 
 
+@pytest.mark.slow
 def test_nobody_has_the_name_of_another(site: Site, hostile: Hostile) -> None:
     """Neither of a local user, nor of another one of the provider's."""
     hostile.claims = {"sub": "1003", "preferred_username": "emil"}
@@ -226,6 +228,7 @@ def test_what_no_database_takes_is_refused(site: Site, hostile: Hostile, text: s
     assert send_out(site, hostile.logout_token(sid=text)) == 400
 
 
+@pytest.mark.slow
 def test_an_engineer_keeps_a_providers_user_out(site: Site, hostile: Hostile) -> None:
     hostile.claims = {"sub": "1005", "preferred_username": "dora", "groups": "guests"}
     browser = Browser(site)
@@ -242,6 +245,7 @@ def test_an_engineer_keeps_a_providers_user_out(site: Site, hostile: Hostile) ->
     assert "oidc:dora" not in {each["name"] for each in emil.get("/api/users")}
 
 
+@pytest.mark.slow
 def test_what_belongs_to_a_password_is_the_providers(site: Site, hostile: Hostile) -> None:
     """Tokens too: the centre never hears that the provider has let a user go."""
     hostile.claims = {"sub": "1006", "preferred_username": "ines", "groups": "chiefs"}
@@ -261,6 +265,7 @@ def test_what_belongs_to_a_password_is_the_providers(site: Site, hostile: Hostil
 # ---- once more -----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_change_needs_a_login_once_more(site: Site, hostile: Hostile) -> None:
     hostile.claims = {"sub": "1007", "preferred_username": "gerd", "groups": "chiefs"}
     browser = Browser(site)
@@ -456,6 +461,7 @@ def test_an_answer_without_end_and_one_that_leads_elsewhere_are_refused(site: Si
     assert "/realm/elsewhere" not in {path for path, *_ in hostile.asked}
 
 
+@pytest.mark.slow
 def test_guesses_of_codes_have_their_limit(site: Site, hostile: Hostile) -> None:
     hostile.token = hostile.by_none
     browser = Browser(site, "127.0.8.4")
@@ -470,6 +476,7 @@ def keys_asked(hostile: Hostile) -> int:
     return sum(path == "/realm/keys" for path, *_ in hostile.asked)
 
 
+@pytest.mark.slow
 def test_new_keys_are_looked_for_and_not_at_every_strangers_word(site: Site, hostile: Hostile) -> None:
     """This is the only test that changes the keys: a look for unknown ones has its pause."""
     site.kill(site.centre)
@@ -628,6 +635,7 @@ def publish(asking: Site, hostile: Hostile, **description: Any) -> None:
     asking.start_centre()
 
 
+@pytest.mark.slow
 def test_userinfo_says_what_the_token_does_not(asking: Site, hostile: Hostile) -> None:
     """What is signed counts; the rest is of the same user, asked for with the token of this login."""
     publish(asking, hostile)
@@ -645,6 +653,7 @@ def test_userinfo_says_what_the_token_does_not(asking: Site, hostile: Hostile) -
     assert browser.client().get("/api/me")["role"] == "viewer"
 
 
+@pytest.mark.slow
 def test_userinfo_of_somebody_else_or_none_is_no_login(asking: Site, hostile: Hostile) -> None:
     publish(asking, hostile)
     hostile.claims = {"groups": None}
@@ -666,6 +675,7 @@ def test_userinfo_of_somebody_else_or_none_is_no_login(asking: Site, hostile: Ho
     assert Browser(asking, "127.0.10.4").login(hostile) == "token"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("where", [None, "file:///etc/passwd", 7])
 def test_a_provider_without_userinfo_is_none_for_who_asks_for_it(
     asking: Site, hostile: Hostile, where: Any
@@ -683,6 +693,7 @@ def left(asking: Site, browser: Browser) -> str:
     return where
 
 
+@pytest.mark.slow
 def test_who_logs_out_is_sent_to_the_provider(asking: Site, hostile: Hostile) -> None:
     publish(asking, hostile, end_session_endpoint=f"{hostile.issuer}/end?tenant=1")
     hostile.userinfo = {"sub": "1001"}
@@ -708,6 +719,7 @@ def test_who_logs_out_is_sent_to_the_provider(asking: Site, hostile: Hostile) ->
     assert json.loads(asking.client("emil").raw("POST", "/api/logout", {})[1]) == {"provider": ""}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("where", [None, "javascript:alert(1)", "//elsewhere.example/end", ["x"]])
 def test_a_provider_without_an_end_ends_nothing_there(asking: Site, hostile: Hostile, where: Any) -> None:
     publish(asking, hostile, end_session_endpoint=where)
@@ -733,6 +745,7 @@ def test_a_provider_that_hangs_keeps_nobody_in(asking: Site, hostile: Hostile) -
 # ---- cookies -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_no_other_host_of_the_site_puts_its_cookie_in_the_place_of_ours(
     of_north: Callable[..., Site], hostile: Hostile
 ) -> None:
@@ -782,6 +795,7 @@ def test_the_file_says_who_is_believed(tmp_path: Path, more: dict[str, Any], say
         load(file)
 
 
+@pytest.mark.slow
 def test_who_has_no_provider_needs_no_authlib() -> None:
     """And who has one is told what to type."""
     script = """
@@ -800,6 +814,7 @@ except CentreError as error:
     assert done.stdout.startswith("the Python package authlib is missing; type: ")
 
 
+@pytest.mark.slow
 def test_the_clients_secret_is_nobody_elses(tmp_path: Path) -> None:
     (tmp_path / "oidc.secret").write_text(SECRET)
     (tmp_path / "oidc.secret").chmod(0o640)

@@ -253,6 +253,7 @@ def check(folder: Path, *files: str, **environment: str) -> tuple[int, str, str]
     return done.returncode, done.stdout, done.stderr
 
 
+@pytest.mark.slow
 def test_check_knows_the_points_of_the_stations(folder: Path) -> None:
     names = ("plant/level", "plant/1.2", "plant/1.5", "bare/one/7.30001")
     body = "".join(f'<g data-point="{name}"/>' for name in names)
@@ -260,6 +261,7 @@ def test_check_knows_the_points_of_the_stations(folder: Path) -> None:
     assert check(folder, "good.svg") == (0, "", "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("attribute", "wrong"),
     [
@@ -278,6 +280,7 @@ def test_check_names_what_is_no_point(folder: Path, attribute: str, wrong: str) 
     assert check(folder, "bad.svg") == (1, f"bad.svg:2: {wrong}\n", "")
 
 
+@pytest.mark.slow
 def test_check_says_that_an_attack_is_not_shown(folder: Path) -> None:
     (folder / "evil.svg").write_bytes(octets(HOSTILE["script"]))
     assert check(folder, "evil.svg") == (
@@ -287,6 +290,7 @@ def test_check_says_that_an_attack_is_not_shown(folder: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_check_takes_the_folder_of_the_file(folder: Path) -> None:
     assert check(folder)[0] == 2
     (folder / "pictures").mkdir()
@@ -295,6 +299,7 @@ def test_check_takes_the_folder_of_the_file(folder: Path) -> None:
     assert check(folder)[:2] == (1, f"{folder}/pictures/a.svg:1: plant has no point none\n")
 
 
+@pytest.mark.slow
 def test_the_examples_are_bound_to_points_of_the_show(programs: Path, tmp_path: Path) -> None:
     (tmp_path / "gateway.json").write_text(json.dumps(named(configuration())))
     keys = {"address": "127.0.0.1", "common_addresses": [1], "points": "gateway.json"}
@@ -313,6 +318,7 @@ def test_who_begins_with_the_command_is_told_that_the_file_comes_first(
     assert f"the centre's file comes first: openrtu centre FILE {words[0]} ..." in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", [None, "{", '{"stations": 1}'])
 def test_a_centres_file_that_cannot_be_used_is_named(folder: Path, text: str | None) -> None:
     file = folder / "centre.json"
@@ -324,6 +330,7 @@ def test_a_centres_file_that_cannot_be_used_is_named(folder: Path, text: str | N
     assert "Errno" not in error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("word", ["missing.svg", "."])
 def test_what_cannot_be_read_is_unusable(folder: Path, word: str) -> None:
     code, out, error = check(folder, word)

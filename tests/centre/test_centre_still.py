@@ -18,6 +18,8 @@ from openrtu_tools.centre.codes import Link
 from openrtu_tools.centre.records import ENDED
 from test_centre_kill import full
 
+pytestmark = pytest.mark.slow
+
 Make = Callable[..., Site]
 
 

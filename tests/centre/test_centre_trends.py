@@ -153,6 +153,7 @@ def check(store: Store, chance: random.Random, since: int) -> int:
     return in_columns
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_columns_say_what_a_full_scan_says(store: Store, monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
     """After each of: some came in any order, some was summed up, the oldest went."""
@@ -226,6 +227,7 @@ def test_summing_up_finds_each_point_by_its_index() -> None:
             assert all("history_point (point=? AND at_ns" in line for line in ways), plan
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("every", [10, 3600], ids=["much", "few"])
 def test_columns_narrower_than_a_slot(store: Store, every: int) -> None:
     """Of a slot in which much came out of its parts, else out of the history."""

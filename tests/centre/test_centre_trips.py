@@ -82,6 +82,7 @@ def test_rarer_places_say_the_same(every: int) -> None:
     assert [round(trip.metres, -2) for trip in trips(done)] == [10_000, 3000]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("jitter", "seed"), [(4, 1), (12, 2), (20, 3)])
 def test_jitter_at_rest_is_no_way(jitter: float, seed: int) -> None:
     """A night; and the same before and behind a drive."""

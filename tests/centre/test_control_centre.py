@@ -102,6 +102,7 @@ def test_values_come_with_name_quality_and_the_stations_time(
     assert [(row["value"], row["quality"]) for row in values][-2:] == [(2.5, INVALID), (2.5, 0)]
 
 
+@pytest.mark.slow
 def test_events_are_a_file_too_and_no_text_is_a_formula(site: Site, operator: Client) -> None:
     _, octets = operator.raw("GET", "/api/events?format=csv")
     rows = list(csv.DictReader(io.StringIO(octets.decode())))
@@ -216,6 +217,7 @@ def test_what_is_no_command_is_not_sent(
     assert not north.commanded
 
 
+@pytest.mark.slow
 def test_of_commands_at_the_same_moment_one_is_sent(site: Site, operator: Client) -> None:
     """Each of two operators wants the opposite of the other's: all but one are told that it is busy."""
     clients, pump = [operator, site.client("omar")], point(operator, "pump")["id"]
@@ -239,6 +241,7 @@ def test_of_commands_at_the_same_moment_one_is_sent(site: Site, operator: Client
         in_state(operator, id_, *ENDED)
 
 
+@pytest.mark.slow
 def test_nothing_waits_for_a_station_that_is_absent(
     site: Site, operator: Client, stations: Stations, north: Station
 ) -> None:
@@ -256,6 +259,7 @@ def test_nothing_waits_for_a_station_that_is_absent(
     assert any(row["action"] == "command refused" and row["user"] == "olga" for row in last)
 
 
+@pytest.mark.slow
 def test_second_person_releases_a_selection(site: Site, operator: Client, south: Station) -> None:
     south.commanded.clear()
     mine = point(operator, "south pump")
@@ -276,6 +280,7 @@ def test_second_person_releases_a_selection(site: Site, operator: Client, south:
     assert {("omar", "release"), ("olga", "select")} <= set(done)
 
 
+@pytest.mark.slow
 def test_second_person_releases_what_knows_no_selection(site: Site, operator: Client, south: Station) -> None:
     """Nothing is sent before; one that is cancelled is never sent."""
     south.commanded.clear()
@@ -297,6 +302,7 @@ def test_second_person_releases_what_knows_no_selection(site: Site, operator: Cl
     assert refused.value.code == "not_selected"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", ["removed", "disabled", "viewer", "of another group"])
 @pytest.mark.parametrize("name", ["south pump", "south lamp"])
 def test_nobody_releases_a_command_of_who_may_not_command_any_more(
@@ -330,6 +336,7 @@ def test_nobody_releases_a_command_of_who_may_not_command_any_more(
         engineer.post("/api/users/ina/remove", CONFIRMED)
 
 
+@pytest.mark.slow
 def test_nobody_is_named_as_the_bus(site: Site) -> None:
     """Whose commands would be this user's."""
     with pytest.raises(AnswerError) as refused:
@@ -351,6 +358,7 @@ def test_clock_of_a_station(stations: Stations, operator: Client, south: Station
     assert 0 <= 90_000 - clock() < 60_000  # of which the delay of a busy host is a part
 
 
+@pytest.mark.slow
 def test_events_that_waited_are_events_and_no_state(
     stations: Stations, operator: Client, north: Station
 ) -> None:
@@ -372,6 +380,7 @@ def test_events_that_waited_are_events_and_no_state(
     assert value_of(operator, "level") == value
 
 
+@pytest.mark.slow
 def test_news_of_a_station_whose_clock_is_behind(
     stations: Stations, operator: Client, south: Station, site: Site
 ) -> None:
@@ -405,6 +414,7 @@ def test_news_of_a_station_whose_clock_is_behind(
 # ---- alarms --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_alarm_is_acknowledged_once_and_ends_when_its_cause_does(
     site: Site, stations: Stations, north: Station
 ) -> None:
@@ -428,6 +438,7 @@ def test_alarm_is_acknowledged_once_and_ends_when_its_cause_does(
     until(lambda: not open_alarms(people[0], "high"), "it ended")
 
 
+@pytest.mark.slow
 def test_one_that_comes_and_goes_is_one_alarm(site: Site, stations: Stations, north: Station) -> None:
     client = site.client("olga")
     for on in (True, False, True, False):
@@ -445,6 +456,7 @@ def test_one_that_comes_and_goes_is_one_alarm(site: Site, stations: Stations, no
     assert not open_alarms(client, "state")
 
 
+@pytest.mark.slow
 def test_many_alarms_are_acknowledged_in_one_step(site: Site, stations: Stations, north: Station) -> None:
     """Each is in the audit. Nothing is said of those that are gone, or are not there for the user."""
     client = site.client("olga")
@@ -468,6 +480,7 @@ def test_many_alarms_are_acknowledged_in_one_step(site: Site, stations: Stations
         client.get("/api/alarms?kind=x")
 
 
+@pytest.mark.slow
 def test_vehicle_in_an_area_and_out_of_one(site: Site, stations: Stations, north: Station) -> None:
     """The area of another group is none of this one's."""
     client = site.client("vera")
@@ -488,6 +501,7 @@ def test_vehicle_in_an_area_and_out_of_one(site: Site, stations: Stations, north
 # ---- tracks --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_track_with_one_place_of_each_step(site: Site, stations: Stations, north: Station) -> None:
     """As replay asks for it. A place without a fix cuts it all the same. The places have waited."""
     client, begin = site.client("vera"), now_ms() // 10_000 * 10_000 - 3_000_000
@@ -511,6 +525,7 @@ def test_track_with_one_place_of_each_step(site: Site, stations: Stations, north
 # ---- users ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_without_a_session_nothing_is_said(site: Site) -> None:
     for route in ROUTES:
         path = route.path.replace("{id}", "1").replace("{name}", "x")
@@ -519,6 +534,7 @@ def test_without_a_session_nothing_is_said(site: Site) -> None:
         assert refused.value.status == 401, route.path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("user", sorted(USERS))
 def test_nobody_does_what_the_role_does_not_allow(site: Site, user: str) -> None:
     client = site.client(user)
@@ -544,6 +560,7 @@ def stranger(site: Site) -> Iterator[Client]:
     engineer.post("/api/users/gary/remove", CONFIRMED)
 
 
+@pytest.mark.slow
 def test_second_person_of_another_group_releases_nothing(
     operator: Client, stranger: Client, south: Station
 ) -> None:
@@ -558,6 +575,7 @@ def test_second_person_of_another_group_releases_nothing(
     operator.post(f"/api/commands/{command['id']}/cancel")
 
 
+@pytest.mark.slow
 def test_station_of_another_group_is_not_there(
     site: Site, stranger: Client, stations: Stations, north: Station
 ) -> None:
@@ -669,6 +687,7 @@ def test_page_is_told_what_its_view_shows_and_only_what_changes(
     assert doctest.testmod(stream).failed == 0
 
 
+@pytest.mark.slow
 def test_who_manages_users_sees_all(site: Site) -> None:
     scoped = {"name": "eva", "role": "engineer", "password": PASSWORD, "groups": ["gas"], **CONFIRMED}
     with pytest.raises(AnswerError) as refused:
@@ -719,6 +738,7 @@ def test_logout_ends_a_session_for_good(site: Site) -> None:
     assert refused.value.status == 401
 
 
+@pytest.mark.slow
 def test_page_that_watches_is_told_nothing_after_its_session(
     site: Site, stations: Stations, north: Station
 ) -> None:
@@ -734,6 +754,7 @@ def test_page_that_watches_is_told_nothing_after_its_session(
     assert 2.875 not in told
 
 
+@pytest.mark.slow
 def test_token_is_worth_no_more_than_its_user(site: Site) -> None:
     """Another role, an end, and another user of the same name: each ends it."""
     engineer = site.client("emil")
@@ -763,6 +784,7 @@ def test_token_is_worth_no_more_than_its_user(site: Site) -> None:
     engineer.post("/api/users/tina/remove", CONFIRMED)
 
 
+@pytest.mark.slow
 def test_token_of_yesterday(site: Site) -> None:
     vera = site.client("vera")
     token = vera.post("/api/tokens", TOKEN)["token"]
@@ -777,6 +799,7 @@ def test_token_of_yesterday(site: Site) -> None:
         forged.get("/api/me")
 
 
+@pytest.mark.slow
 def test_passwords_cannot_be_guessed_fast(site: Site) -> None:
     codes = set()
     for _ in range(7):
@@ -786,6 +809,7 @@ def test_passwords_cannot_be_guessed_fast(site: Site) -> None:
     assert codes == {"password", "guesses"}
 
 
+@pytest.mark.slow
 def test_new_password_ends_all_sessions_of_a_user(site: Site) -> None:
     engineer = site.client("emil")
     nina = {"name": "nina", "role": "operator", **CONFIRMED}
@@ -799,6 +823,7 @@ def test_new_password_ends_all_sessions_of_a_user(site: Site) -> None:
         site.client().login("nina", "another password")
 
 
+@pytest.mark.slow
 def test_user_who_is_disabled_keeps_the_password_and_may_nothing(site: Site) -> None:
     """A session and a token end with it."""
     engineer = site.client("emil")
@@ -822,6 +847,7 @@ def test_user_who_is_disabled_keeps_the_password_and_may_nothing(site: Site) -> 
     engineer.post("/api/users/dora/remove", CONFIRMED)
 
 
+@pytest.mark.slow
 def test_users_are_changed_only_with_ones_own_password(site: Site) -> None:
     """Who has found a session open makes nobody an engineer. There is always one."""
     engineer = site.client("emil")
@@ -844,6 +870,7 @@ def test_users_are_changed_only_with_ones_own_password(site: Site) -> None:
     assert (roles["vera"], roles["emil"]) == (("viewer", False), ("engineer", False))
 
 
+@pytest.mark.slow
 def test_audit_says_who_did_what_to_which_station(site: Site, operator: Client) -> None:
     """By user, station, kind and time; as a file, too, which is in it from then on."""
     engineer = site.client("emil")
@@ -876,6 +903,7 @@ def test_audit_says_who_did_what_to_which_station(site: Site, operator: Client) 
     assert actions <= {action for kind in AUDITED.values() for action in kind}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", ["/../centre/api.py", "/%2e%2e/%2e%2e/README.md", "//etc/passwd"])
 def test_no_file_but_the_page(site: Site, path: str) -> None:
     with pytest.raises(AnswerError) as refused:

@@ -97,6 +97,7 @@ def test_plan_is_the_one_on_the_page(programs: Path, tmp_path: Path) -> None:
     assert "\n".join(lines) + "\n" == block[1].replace("gateway.json", f"{tmp_path}/gateway.json")
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("parity", [0, 1, 2])
 @pytest.mark.parametrize("stop_bits", [1, 2])
 @pytest.mark.parametrize("baud", [1200, 9600, 19200, 38400, 460800])
@@ -245,6 +246,7 @@ class Wrong:
 WRONG = [Wrong(**case) for case in json.loads((ROOT / "tests/fixtures/config/wrong.json").read_text())]
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("case", WRONG, ids=lambda case: case.name)
 def test_wrong_file(programs: Path, tmp_path: Path, case: Wrong) -> None:
     document = report_file()
@@ -296,6 +298,7 @@ def test_more_than_there_is_room_for(programs: Path, tmp_path: Path) -> None:
     assert not VALIDATOR.is_valid(document)
 
 
+@pytest.mark.slow
 def test_more_points_than_the_map_holds(programs: Path, tmp_path: Path) -> None:
     document = report_file()
     slave = document["port"][2]["slaves"][0]

@@ -416,6 +416,7 @@ def test_schema_and_loader_agree_on_values(programs: Path, tmp_path: Path, site:
             assert result.returncode == 0, (key, value, result.stderr)
 
 
+@pytest.mark.slow
 @pytest.mark.sample(15)
 @pytest.mark.parametrize("site", SITES, ids=lambda site: site.name() or "file")
 def test_wrong_value_of_each_kind_is_named(programs: Path, tmp_path: Path, site: Site) -> None:
@@ -442,6 +443,7 @@ def test_schema_and_loader_know_the_same_keys(programs: Path, tmp_path: Path, si
     assert known == set(definition(site.definition)["properties"])
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("site", SITES, ids=lambda site: site.name() or "file")
 def test_schema_and_loader_require_the_same_keys(programs: Path, tmp_path: Path, site: Site) -> None:
     required = site.required()
@@ -574,6 +576,7 @@ def centre_file() -> dict[str, Any]:
     return {"tls": tls, "defaults": {}, "stations": [station]}
 
 
+@pytest.mark.slow
 def test_rtu_centre_names_a_wrong_value_of_each_kind(programs: Path, tmp_path: Path) -> None:
     """And its schema refuses it."""
     program = programs / "centre/rtu-centre"

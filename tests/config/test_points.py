@@ -600,6 +600,7 @@ def test_wrong_csv_says_file_and_line(tmp_path: Path, old: str, new: str, messag
     )
 
 
+@pytest.mark.slow
 def test_a_port_that_is_missing_is_named_once(tmp_path: Path) -> None:
     points = tmp_path / "points.csv"
     head = "ca,ioa,type,event_type,command_type,name,unit,direction,group,device,port,id,table,address\n"
@@ -639,6 +640,7 @@ SPREADSHEETS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", SPREADSHEETS)
 def test_what_spreadsheets_write_is_read(programs: Path, tmp_path: Path, kind: str) -> None:
     encoding, delimiter, decimal_comma = SPREADSHEETS[kind]
@@ -703,6 +705,7 @@ def test_unusable_files(tmp_path: Path, kind: str) -> None:
     assert (result.returncode, result.stderr) == (2, f"openrtu points: {points}{message}\n")
 
 
+@pytest.mark.slow
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
     points, lines = tmp_path / "points.csv", write(tmp_path / "lines.json", {"port": []})
     assert back(points, lines).returncode == 2

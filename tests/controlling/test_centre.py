@@ -258,6 +258,7 @@ def test_reset_and_test_as_the_station_gets_them(centre: Start) -> None:
     assert (test.element[:2], len(test.element)) == (b"\x55\xaa", 9)
 
 
+@pytest.mark.slow
 def test_interrogation_that_is_refused_is_repeated(centre: Start) -> None:
     with Outstation() as below:
         below.answer = lambda asked, octets: [octets[:2] + bytes((NEGATIVE | ACT_CON,)) + octets[3:]]
@@ -396,6 +397,7 @@ def test_session_is_resumed(programs: Path, centre: Start, pki: Pki, version: st
         gateway.wait_log(rf"TLSv{version} resumed, \"centre 1\"")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "keys", "message"),
     [
@@ -430,6 +432,7 @@ def test_station_without_tls_is_refused_and_reaches_no_other(programs: Path, cen
         consumer.until(lambda record: record.kind == Kind.POSITION and record.station == 1)
 
 
+@pytest.mark.slow
 def test_centre_that_the_station_does_not_know(programs: Path, centre: Start, pki: Pki) -> None:
     stranger = {"certificate": str(pki.stranger.certificate), "key": str(pki.stranger.key)}
     with gateway_with(pki, programs) as gateway:
@@ -603,6 +606,7 @@ def test_hostile_station(programs: Path, centre: Start, name: str) -> None:
         consumer.until(lambda record: record.kind == Kind.POSITION and record.station == 1)
 
 
+@pytest.mark.slow
 def test_slow_loris(programs: Path, centre: Start) -> None:
     """Octet by octet, for ever: it holds nobody up, and t1 ends it."""
     stop = threading.Event()
@@ -628,6 +632,7 @@ def test_slow_loris(programs: Path, centre: Start) -> None:
         thread.join(LIMIT_S)
 
 
+@pytest.mark.slow
 def test_dead_station_is_tried_less_and_less_often(centre: Start) -> None:
     consumer = centre([station("dead", free_port())], retry_ms=10, retry_max_ms=100).consumer()
     pauses = [consumer.until_link(0, Link.DOWN).link for _ in range(6)]
@@ -844,6 +849,7 @@ def shards_of(running: Centre) -> list[int]:
     return [int(each) for each in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
+@pytest.mark.slow
 def test_killed_shard_takes_no_other_with_it(programs: Path, centre: Start) -> None:
     with sharded(programs, centre) as (running, consumers):
         os.kill(shards_of(running)[1], signal.SIGKILL)
@@ -893,6 +899,7 @@ def test_shard_takes_requests_of_its_stations_only(programs: Path, centre: Start
             assert consumers[1].until_progress(100 + place, *ends).progress[1] == result
 
 
+@pytest.mark.slow
 def test_shards_end_with_the_process_that_keeps_them(programs: Path, centre: Start) -> None:
     with sharded(programs, centre) as (running, consumers):
         running.process.kill()

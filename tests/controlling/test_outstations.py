@@ -173,6 +173,7 @@ def test_protection_and_packed_singles(gateway: Run, town: Outstation) -> None:
         wait_value(one, name, value)
 
 
+@pytest.mark.slow
 def test_events_have_the_outstations_time(gateway: Run, town: Outstation) -> None:
     """Also one that it kept from before this machine's start; one that is to come, or invalid, is of now."""
     one = gateway(outstation(town.port))
@@ -249,6 +250,7 @@ with Module() as module:
 """
 
 
+@pytest.mark.slow
 def test_module_of_others_is_told_what_is_past(programs: Path, town: Outstation) -> None:
     directory = run_directory()
     modules.place(directory, programs)
@@ -274,6 +276,7 @@ def test_station_with_a_slow_clock_is_believed_by_interrogations(gateway: Run, t
     wait_value(one, "level", 50)
 
 
+@pytest.mark.slow
 def test_events_among_themselves_are_in_the_order_of_their_tags(gateway: Run, town: Outstation) -> None:
     """One without a tag is of now; what was asked for is the state, whatever its tag."""
     one = gateway(outstation(town.port))
@@ -289,6 +292,7 @@ def test_events_among_themselves_are_in_the_order_of_their_tags(gateway: Run, to
     wait_value(one, "level", 6)
 
 
+@pytest.mark.slow
 def test_place_of_before_is_an_event_and_no_state(gateway: Run, town: Outstation) -> None:
     van = outstation(town.port)
     van["sets"][0]["points"].append({"name": "van", "type": "position", "ioa": 200, "remote_ioa": 9})
@@ -305,6 +309,7 @@ def test_place_of_before_is_an_event_and_no_state(gateway: Run, town: Outstation
     assert counters(one)["town.past"] == 1
 
 
+@pytest.mark.slow
 def test_several_events_of_one_point_in_one_asdu(gateway: Run, town: Outstation) -> None:
     one = gateway(outstation(town.port))
     wait_quality(one, "power", "good")
@@ -324,6 +329,7 @@ def place(latitude: int, longitude: int, altitude_dm: int, quality: int = 0, sat
     return where + bytes((1 | satellites << 4, quality)) + time56(datetime.datetime.now(datetime.UTC))
 
 
+@pytest.mark.slow
 def test_position_is_one_event_of_four_points(gateway: Run, town: Outstation) -> None:
     """And goes on as what it came as, also when it is invalid; an unknown altitude is invalid."""
     van = outstation(town.port)
@@ -363,6 +369,7 @@ def test_position_is_one_event_of_four_points(gateway: Run, town: Outstation) ->
         assert told.body[:16] == b"\xc8\0\0" + second[:12] + b"\x81"  # invalid; its altitude is still unknown
 
 
+@pytest.mark.slow
 def test_object_is_read_in_its_period(gateway: Run, town: Outstation) -> None:
     """And what was read is the point's value; an interrogation alone has the rest."""
     values = chain(range(5), repeat(5))  # whoever looks late sees the last, too
@@ -397,6 +404,7 @@ def test_position_that_is_no_news_is_no_event(gateway: Run, town: Outstation) ->
     assert (counters(one)["town.mistyped"], counters(one)["town.unmapped"]) == (1, 1)
 
 
+@pytest.mark.slow
 def test_what_is_no_point_is_counted(gateway: Run, town: Outstation) -> None:
     one = gateway(outstation(town.port))
     wait_quality(one, "power", "good")
@@ -422,6 +430,7 @@ def test_test_frames_are_no_information(gateway: Run, town: Outstation) -> None:
 # ---- the connection -----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_points_are_invalid_until_it_has_answered_and_after_it_is_lost(
     gateway: Run, town: Outstation
 ) -> None:
@@ -467,6 +476,7 @@ def refuses(asked: Asked, octets: bytes) -> list[bytes]:
     return [octets[:2] + bytes((NEGATIVE | ACT_CON,)) + octets[3:]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("answer", "how"), [(silent, "does not answer"), (refuses, "refuses")])
 def test_interrogation_that_fails_is_repeated(
     gateway: Run, town: Outstation, answer: Callable[[Asked, bytes], list[bytes]], how: str
@@ -481,6 +491,7 @@ def test_interrogation_that_fails_is_repeated(
     assert one.log().count(failure) == 1
 
 
+@pytest.mark.slow
 def test_clock_is_set_once_the_gateways_is(gateway: Run, town: Outstation) -> None:
     wanted = outstation(town.port, clock_s=1)
     one = gateway(wanted)
@@ -522,6 +533,7 @@ def test_lib60870s_server(gateway: Run) -> None:
 # ---- a changed configuration --------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_what_another_process_took_over_ends_without_its_outstation(gateway: Run, town: Outstation) -> None:
     one = gateway(outstation(town.port))
     wait_quality(one, "power", "good")
@@ -577,6 +589,7 @@ def test_step_and_pulse(gateway: Run, town: Outstation) -> None:
     assert [(done.type, done.element) for done in town.executions()] == [(47, b"\x01"), (45, b"\x09")]
 
 
+@pytest.mark.slow
 def test_selection_goes_before_the_execution(gateway: Run, town: Outstation) -> None:
     one = gateway(outstation(town.port))
     wait_quality(one, "power", "good")
@@ -585,6 +598,7 @@ def test_selection_goes_before_the_execution(gateway: Run, town: Outstation) -> 
     assert [a.element for a in town.asked if a.is_command] == [b"\x82", b"\x02"]
 
 
+@pytest.mark.slow
 def test_master_commands_through(gateway: Run, town: Outstation) -> None:
     """Its confirmation is the outstation's, and it sees what became of it."""
     one = gateway(outstation(town.port))
@@ -628,6 +642,7 @@ def confirms_only(asked: Asked, octets: bytes) -> list[bytes]:
     return [octets[:2] + bytes((ACT_CON,)) + octets[3:]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("answer", "state"), [(silent, "no ACT_CON"), (confirms_only, "no ACT_TERM")])
 def test_command_that_is_not_answered_times_out(
     gateway: Run, town: Outstation, answer: Callable[[Asked, bytes], list[bytes]], state: str
@@ -639,6 +654,7 @@ def test_command_that_is_not_answered_times_out(
     assert len(town.executions()) == 1
 
 
+@pytest.mark.slow
 def test_command_without_a_link_is_negative(gateway: Run, town: Outstation) -> None:
     town.die()
     one = gateway(outstation(town.port))
@@ -690,6 +706,7 @@ def test_selection_that_comes_too_late_is_not_executed(programs: Path, town: Out
 # ---- kill -9 ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("moment", ["selected", "executed", "confirmed"])
 def test_killed_in_each_state_of_a_command(gateway: Run, town: Outstation, moment: str) -> None:
     """One write at most; whoever asked is told that it failed; the next process repeats nothing."""
@@ -735,6 +752,7 @@ def redundant(port: int, **keys: Any) -> dict[str, Any]:
     return outstation(port, addresses=["127.0.0.1", "127.0.0.2"], **keys)
 
 
+@pytest.mark.slow
 def test_one_link_is_started_and_the_other_takes_over(
     gateway: Run, pair: tuple[Outstation, Outstation]
 ) -> None:
@@ -830,6 +848,7 @@ def test_hostile_station_reaches_no_other(gateway: Run, town: Outstation, name: 
         assert one.modules()["rtu-104m"]["restarts"] == 0
 
 
+@pytest.mark.slow
 def test_slow_and_dead_stations_reach_no_other(gateway: Run, town: Outstation) -> None:
     """One that accepts and says nothing, one that does not confirm STARTDT, one that is not there."""
     with Outstation() as deaf, Outstation() as stopped:
@@ -849,6 +868,7 @@ def test_slow_and_dead_stations_reach_no_other(gateway: Run, town: Outstation) -
         assert commanded(one, "set", "other0-900.1", "on")["result"] == "not commandable"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("answer", [b"", bytes.fromhex("68040b000000")], ids=["at once", "once started"])
 def test_station_that_hangs_up_is_no_flood_in_the_log(gateway: Run, answer: bytes) -> None:
     """A line counts many failures, and the points are said to be invalid no more than once."""

@@ -16,6 +16,8 @@ from peers.authority import OUTSTATIONS_USER, Identity, give_to_station
 from peers.outstation import INTERROGATED, LIMIT_S, Outstation, asdu
 from peers.tls_gateway import STATION, Pki, gateway_with, public_keys
 
+pytestmark = pytest.mark.slow
+
 CA, THERE = 501, 47
 GOOD = b"\x00\x00\x20\x40\x00"  # 2.5
 Config = dict[str, Any]

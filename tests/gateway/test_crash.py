@@ -213,6 +213,7 @@ def test_a_host_without_time_for_a_line_process_is_blamed(programs: Path) -> Non
     assert silent_ms / 2 <= waited_ms <= silent_ms + 1
 
 
+@pytest.mark.slow
 def test_end_of_rtud_is_the_end_of_all(programs: Path) -> None:
     """Nothing goes on unsupervised, and the next rtud finds no obstacle."""
     with substation_of(chapter_5(), programs) as substation:

@@ -23,6 +23,8 @@ from rig.desk import Substation, chapter_5, everything_read, of_port, substation
 from rig.power import cut_power, state, wait_journal
 from rig.substation import IOA, MAIN, REGISTER, SOON_S, Link, count_up, empty, wait_log, wait_queue
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[2]
 INTERVAL_S = 1
 SEED, KILLS = 8, 12
@@ -86,7 +88,6 @@ def told(objects: list[Object]) -> list[tuple[int, int, datetime.datetime | None
 # ---- what outlives it ---------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "source"), [pytest.param("Control centre", MAIN, id="group"), ("127.0.0.50", "127.0.0.50")]
 )
@@ -187,7 +188,6 @@ def time_tag(when: datetime.datetime) -> bytes:
     return milliseconds.to_bytes(2, "little") + date
 
 
-@pytest.mark.slow
 def test_killed_at_random_moments(substation: Substation) -> None:
     """Nothing that is older than a record's interval and its writing is lost, and the order holds."""
     gateway, chance = substation.gateway, random.Random(SEED)
@@ -262,7 +262,6 @@ def link_elsewhere(file: Path) -> None:
 SOME, ALL, NONE = range(3)  # of the events that the file held
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("spoil", "message", "left"),
     [
@@ -352,7 +351,6 @@ def allow(volume: Path) -> None:
     subprocess.run(["mount", "-o", "remount,rw", volume], check=True)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("spoil", "repair", "message"),
     [(fill, empty_again, "No space left on device"), (forbid, allow, "Read-only file system")],
@@ -388,7 +386,6 @@ def test_file_system_that_cannot_be_written(
 # ---- what it costs ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 def test_nothing_is_written_while_all_is_acknowledged(substation: Substation, journal: Path) -> None:
     gateway = substation.gateway
     with Link(gateway, MAIN).start() as link:
@@ -403,7 +400,6 @@ def test_nothing_is_written_while_all_is_acknowledged(substation: Substation, jo
         assert (journal / "events").stat().st_mtime_ns == changed
 
 
-@pytest.mark.slow
 def test_file_stays_within_its_size(programs: Path, journal: Path) -> None:
     """Records come until the file is full; then another one takes its place, with the newest that wait."""
     config = configuration(journal)

@@ -89,6 +89,7 @@ def test_all_see_the_force_and_the_device_goes_on_below(desk: Desk) -> None:
     assert (told.value, told.quality) == (51, "good")
 
 
+@pytest.mark.slow
 def test_it_is_listed_at_every_look_and_logged(desk: Desk) -> None:
     gateway = desk.gateway
     gateway.ctl("force", "level", "78", "--for", "90s")
@@ -104,6 +105,7 @@ def test_it_is_listed_at_every_look_and_logged(desk: Desk) -> None:
     gateway.wait_for(lambda: shown(gateway, "other") == (60, "good"), WAIT_S, "the other is as it was")
 
 
+@pytest.mark.slow
 def test_it_ends_by_its_time(desk: Desk) -> None:
     desk.gateway.ctl("force", "level", "79", "--for", "1s")
     desk.gateway.wait_for(lambda: shown(desk.gateway, "level") == (50, "good"), WAIT_S, "the force is over")
@@ -133,6 +135,7 @@ def test_it_survives_its_owner_and_a_dead_device(desk: Desk) -> None:
     gateway.wait_for(lambda: forced(gateway)["level"]["below_quality"] == "good", WAIT_S, "it is back")
 
 
+@pytest.mark.slow
 def test_what_ends_while_its_owner_is_stopped_is_over(desk: Desk) -> None:
     gateway = desk.gateway
     gateway.ctl("force", "level", "81", "--for", "1s")
@@ -165,6 +168,7 @@ def test_a_configuration_without_the_key_allows_none(programs: Path) -> None:
         assert code == 1 and "the configuration allows no forcing" in error
 
 
+@pytest.mark.slow
 def test_nothing_is_forced_after_rtud_was_killed(programs: Path) -> None:
     with gateway_on_lines(configuration(3600), programs, INITIAL) as (_, gateway):
         gateway.wait_for(lambda: shown(gateway, "level") == (50, "good"), WAIT_S, "the level is read")

@@ -39,11 +39,13 @@ def test_interrogation_is_figure_5_3(desk: Desk) -> None:
     assert all(report.recorded_at is None for report in reports)
 
 
+@pytest.mark.slow
 def test_broadcast_interrogation_reaches_every_station(desk: Desk) -> None:
     stations = {1000, 1010, 2020, 3035, 3067, 3155, 3201, 4040, 5050, 5051, 6001, 6247}
     assert {report.ca for report in desk.master.interrogate_all(*stations)} == stations
 
 
+@pytest.mark.slow
 def test_group_interrogation(desk: Desk) -> None:
     reports = desk.master.interrogate(1010, group=2)
     assert [report.ioa for report in reports] == [30001, 30003, 30004]
@@ -54,6 +56,7 @@ def test_unknown_station_is_refused(desk: Desk) -> None:
     assert desk.master.is_refused(3068)
 
 
+@pytest.mark.slow
 def test_broadcast_device_is_never_valid(desk: Desk) -> None:
     assert {report.quality for report in desk.master.interrogate(1000)} == {"Invalid"}
 
@@ -141,21 +144,25 @@ def test_type_arrives_as_event(
     assert report.recorded_at is not None
 
 
+@pytest.mark.slow
 def test_unsigned_above_32767_overflows(desk: Desk) -> None:
     report = next(r for r in desk.master.interrogate(4040) if r.ioa == 30002)
     assert (report.value, "Overflow" in report.quality) == (32767, True)
 
 
+@pytest.mark.slow
 def test_float_is_rounded_nowhere(desk: Desk) -> None:
     report = next(r for r in desk.master.interrogate(2020) if r.ioa == 30001)
     words = [desk.lines.get("2.20", "input_registers", address) for address in (0, 1)]
     assert report.value == struct.unpack(">f", struct.pack(">HH", *words))[0]
 
 
+@pytest.mark.slow
 def test_counters_are_not_in_the_interrogation(desk: Desk) -> None:
     assert not [report for report in desk.master.interrogate(2020) if report.type.startswith("M_IT")]
 
 
+@pytest.mark.slow
 def test_cyclic_transmission(desk: Desk) -> None:
     """Each second. A busy host delivers one late, and so nearer to the next."""
 
@@ -185,6 +192,7 @@ def test_event_carries_the_time_of_the_device_answer(desk: Desk) -> None:
     )
 
 
+@pytest.mark.slow
 def test_changes_within_the_deadband_are_no_events(desk: Desk) -> None:
     since = desk.master.mark()
     for value in (1000, 1004, 1010):  # the deadband is 5
@@ -196,6 +204,7 @@ def test_changes_within_the_deadband_are_no_events(desk: Desk) -> None:
     assert told[-2:] == [1000, 1010] and 1004 not in told
 
 
+@pytest.mark.slow
 def test_changes_of_one_point_come_in_order(desk: Desk) -> None:
     since = desk.master.mark()
     for value in range(2000, 2010):
@@ -205,6 +214,7 @@ def test_changes_of_one_point_come_in_order(desk: Desk) -> None:
     assert times == sorted(times, key=lambda t: t or datetime.datetime.min)
 
 
+@pytest.mark.slow
 def test_several_masters_see_each_event(desk: Desk) -> None:
     with Master(*desk.gateway.address) as second, Master(*desk.gateway.address) as third:
         marks = [(master, master.mark()) for master in (desk.master, second, third)]
@@ -392,6 +402,7 @@ def test_disturbed_line_never_gives_a_wrong_value(desk: Desk, fault: tuple[Any, 
 # ---- the clock --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_clock_synchronisation_leaves_the_systems_clock_alone(desk: Desk) -> None:
     before = time.time() - time.monotonic()
     desk.master.synchronise_clock(STATION)

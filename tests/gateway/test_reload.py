@@ -163,6 +163,7 @@ def test_dry_run_says_what_would_change_and_changes_nothing(site: Site) -> None:
     assert (set(site.gateway.points()), pids(site)) == (set(before[0]), before[1])
 
 
+@pytest.mark.slow
 def test_file_with_errors_changes_nothing_and_is_explained(site: Site) -> None:
     wrong = reduced(site.config, *SMALL)
     wrong["port"][0]["baud_rate"] = "fast"
@@ -212,6 +213,7 @@ def first_input(site: Site, device: str) -> int:
     return next(o["address"] for o in slave["input_registers"] if "type" not in o or o["type"] == "scaled")
 
 
+@pytest.mark.slow
 def test_added_line_is_noticed_by_nobody(site: Site, master: Master) -> None:
     """Values of an unchanged device during the reload: each is one event. Its line is polled on."""
     before, here = pids(site), connections(site)
@@ -231,6 +233,7 @@ def test_added_line_is_noticed_by_nobody(site: Site, master: Master) -> None:
     assert max(b - a for a, b in pairwise(times)) < 1_000_000_000, "a poll was missed"
 
 
+@pytest.mark.slow
 def test_changed_line_goes_on_where_it_was(site: Site, master: Master) -> None:
     """A device is added to it: no event of the other is lost, told twice, or made up."""
     before, here = site.gateway.points(), connections(site)

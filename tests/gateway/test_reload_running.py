@@ -23,6 +23,8 @@ from lab.raw_master import RawMaster
 from rig.desk import Desk, gateway_on_lines, patience
 from rig.web import make_user
 
+pytestmark = pytest.mark.slow
+
 WAIT_S = 60.0
 PATIENCE_MS = 2000
 HEARTBEAT_LIMIT_MS = 5000
@@ -133,7 +135,6 @@ def test_forces_are_allowed_and_end_with_the_permission(desk: Running) -> None:
     desk.mark, desk.sent = desk.master.mark(), []
 
 
-@pytest.mark.slow
 def test_a_selection_ends_by_the_new_time(desk: Running) -> None:
     """The line, which is asked, goes on with the former configuration."""
     assert "commands changes for all\n" in desk.take(commands={"select_timeout": 1})
@@ -175,7 +176,6 @@ def test_whom_the_clock_is_from_and_where_it_is_shown(desk: Running) -> None:
 # ---- modules that command -------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 def test_a_server_of_iec_61850_comes_changes_and_goes(desk: Running) -> None:
     """It commands points of a line that was there before."""
     port = free_port()
@@ -195,7 +195,6 @@ def test_a_server_of_iec_61850_comes_changes_and_goes(desk: Running) -> None:
     assert "rtu-iec61850" not in desk.gateway.modules()
 
 
-@pytest.mark.slow
 def test_an_agent_of_snmp_comes_and_goes(desk: Running) -> None:
     port, folder = free_udp_port(), desk.folder / "snmp"
     folder.mkdir()
@@ -228,7 +227,6 @@ def test_a_page_comes_and_goes(desk: Running) -> None:
 # ---- the journal ------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 def test_a_journal_comes_moves_and_goes(desk: Running) -> None:
     first, second = desk.folder / "journal", desk.folder / "another"
 
@@ -270,7 +268,6 @@ def test_a_line_counts_on(desk: Running) -> None:
     assert after["p1.requests"] - before["p1.requests"] <= asked + 1, "none was counted twice"
 
 
-@pytest.mark.slow
 def test_event_rings_grow_and_shrink_around_what_waits(desk: Running) -> None:
     """A controlling station that is away finds all of it."""
     desk.line_stays = False
@@ -315,7 +312,6 @@ def queues(desk: Running) -> dict[str, int]:
     return {row["name"]: row["waiting"] for row in desk.gateway.query("iec104", "queues")}
 
 
-@pytest.mark.slow
 def test_what_waits_for_a_master_goes_with_it_into_a_new_group(desk: Running) -> None:
     """From its address into one, and into another; nobody else has it, and it comes once."""
     moved, other = "127.0.9.1", "127.0.9.2"
@@ -342,7 +338,6 @@ def test_what_waits_for_a_master_goes_with_it_into_a_new_group(desk: Running) ->
     desk.take()
 
 
-@pytest.mark.slow
 def test_a_ninth_group_is_refused_while_eight_go(desk: Running) -> None:
     """Queues that go are told from those that come; when they are gone there is room."""
     eight = [group(f"g{i}", f"192.0.2.{10 + i}") for i in range(8)]

@@ -138,6 +138,7 @@ def assert_limited(gateway: Gateway, pid: int) -> None:
     assert int(hard["address space"]) < 64 << 20
 
 
+@pytest.mark.slow
 def test_module_that_executes_something_is_ended_and_restarted(gateway: Gateway) -> None:
     """The station's process, in somebody else's hands; the log names what it tried, and the lines go on."""
     if is_sanitized(gateway):
@@ -271,6 +272,7 @@ def test_the_parsed_file_is_given_back(gateway: Gateway) -> None:
             assert "/libm." not in Path(f"/proc/{modules[name]['pid']}/maps").read_text()
 
 
+@pytest.mark.slow
 def test_rings_close_together_are_heard_together(gateway: Gateway) -> None:
     with rtud(gateway):
         pid = wait_running(gateway)[STATION]["pid"]
@@ -375,6 +377,7 @@ def refused(gateway: Gateway, **changed: Path) -> str:
     return run.stderr
 
 
+@pytest.mark.slow
 def test_second_rtud_is_refused_and_the_first_goes_on(gateway: Gateway) -> None:
     with rtud(gateway):
         before = wait_running(gateway)
@@ -565,6 +568,7 @@ def test_station_whose_port_is_taken_tries_ever_more_rarely(gateway: Gateway) ->
         wait_running(gateway)
 
 
+@pytest.mark.slow
 def test_module_that_cannot_run_is_tried_ever_more_rarely(gateway: Gateway) -> None:
     """A program that knows nothing of the map."""
     modules = modules_of(gateway)

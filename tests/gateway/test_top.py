@@ -55,6 +55,7 @@ def test_once_prints_modules_lines_and_points(desk: Desk) -> None:
     assert len(points) == len(desk.gateway.points())
 
 
+@pytest.mark.slow
 def test_pattern_chooses_points_and_counts_them(desk: Desk) -> None:
     done = once(desk, "p3.67.*")  # no terminal: once
     counted = re.search(r"13 points of p3\.67\.\*: (\d+) good, (\d+) not", done.stdout)
@@ -155,6 +156,7 @@ def test_keys_move_filter_and_quit(screen: Screen) -> None:
     assert termios.tcgetattr(screen.slave) == screen.before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_leaves_the_terminal_as_it_was(screen: Screen, number: signal.Signals) -> None:
     screen.frame(lambda lines: True)

@@ -16,6 +16,7 @@ def busy(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 
+@pytest.mark.slow
 def test_passes_and_failures_are_counted_and_logs_are_kept(tmp_path: Path) -> None:
     ran = busy("--processes", "1", "--times", "2", "--logs", str(tmp_path), "help", "nonsense")
     assert ran.returncode == 1, ran
@@ -49,6 +50,7 @@ def test_what_a_failed_step_says_is_in_its_log(tmp_path: Path, monkeypatch: pyte
     assert log.read_text().endswith(":\n0x5 != 0\n")
 
 
+@pytest.mark.slow
 def test_all_that_passed_is_0() -> None:
     assert busy("--processes", "0", "--times", "1", "help").returncode == 0
 

@@ -40,12 +40,14 @@ def recorded_talk(answer: bytes, request: bytes = STARTDT) -> list[Connection]:
     return record
 
 
+@pytest.mark.slow
 def test_sound_frames(tmp_path: Path) -> None:
     record = recorded_talk(STARTDT_CON + SOUND + TESTFR, STARTDT + s_frame(0))
     assert dissect(record, tmp_path / "pcap") == (5, [])
     assert record[0].closed_by_station
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frame", [TWO_OBJECTS_OF_WHICH_ONE_IS_THERE, b"\x67\x04\x01\x00\x00\x00"])
 def test_wrong_frame_of_the_station(tmp_path: Path, frame: bytes) -> None:
     count, findings = dissect(recorded_talk(SOUND + frame), tmp_path / "pcap")
@@ -53,6 +55,7 @@ def test_wrong_frame_of_the_station(tmp_path: Path, frame: bytes) -> None:
     assert [(f.by_station, f.allowed, f.frame) for f in findings] == [(True, False, frame)]
 
 
+@pytest.mark.slow
 def test_wrong_frame_of_the_master_that_is_answered_by_closing(tmp_path: Path) -> None:
     _, findings = dissect(recorded_talk(b"", TWO_OBJECTS_OF_WHICH_ONE_IS_THERE), tmp_path / "pcap")
     assert [(f.by_station, f.allowed) for f in findings] == [(False, True)]
@@ -70,6 +73,7 @@ def test_wrong_frame_of_the_master_that_is_refused(tmp_path: Path) -> None:
     assert [(f.by_station, f.allowed) for f in findings] == [(False, False)]
 
 
+@pytest.mark.slow
 def test_wrong_frame_of_the_master_that_is_borne(tmp_path: Path) -> None:
     connection = Connection("a test", [(False, TWO_OBJECTS_OF_WHICH_ONE_IS_THERE), (True, STARTDT_CON)])
     _, findings = dissect([connection], tmp_path / "pcap")
@@ -90,6 +94,7 @@ def test_connection_that_the_master_closes() -> None:
     assert record[0].closed_by_station is False
 
 
+@pytest.mark.slow
 def test_encrypted_connection_is_left_out(tmp_path: Path) -> None:
     assert dissect([Connection("a test", [(False, b"\x16\x03\x01\x00\x05hello")])], tmp_path / "pcap") == (
         0,

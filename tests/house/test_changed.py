@@ -100,6 +100,7 @@ def named(tree: ast.AST) -> Iterator[str]:
 BY_ITS_TARGET = ("tests/linux/test_debug_kernel.py", "tests/linux/test_image_offline.py")
 
 
+@pytest.mark.slow
 def test_what_a_test_names_reaches_it() -> None:
     missing = [
         f"{test}: {name}"
@@ -160,6 +161,7 @@ def test_changed_are_committed_and_new_and_renamed_files(tree: Path) -> None:
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_all_parts_run_and_the_failed_are_named(tree: Path, capfd: pytest.CaptureFixture[str]) -> None:
     put(tree / "scripts/nuc980/pins/rules/flash.py")
     put(tree / "docs/new.md")

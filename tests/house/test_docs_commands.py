@@ -80,6 +80,7 @@ def subcommands_of(parser: argparse.ArgumentParser) -> dict[str, argparse.Argume
     )
 
 
+@pytest.mark.slow
 def test_commands_and_options_of_openrtu() -> None:
     """Of each line that begins with it: its subcommand, that one's own, and the options of these."""
     line = re.compile(r"^\s*(?:\S*/)?openrtu ([^|;&#\n]*)", re.MULTILINE)
@@ -158,6 +159,7 @@ def without_ages(text: str) -> list[list[str]]:
     return [re.sub(r"\d+(\.\d+)? (ms|s)\b", "AGE", line).split() for line in text.splitlines()]
 
 
+@pytest.mark.slow
 def test_a_first_device_is_seen_as_its_page_says(programs: Path, linesim_program: Path, folder: Path) -> None:
     """With the simulated meter: files are saved, commands typed, and what they print is shown."""
     page = (ROOT / FIRST).read_text()

@@ -57,6 +57,7 @@ def test_each_file_is_of_one_kind(path: str, kind: str) -> None:
     assert house.kind_of(PurePosixPath(path)) == kind
 
 
+@pytest.mark.slow
 def test_nothing_is_there_twice_or_for_nobody(programs: Path) -> None:
     said = list(house.told(ROOT, programs))
     assert "functions of C that are there twice: 0" in said

@@ -76,6 +76,7 @@ def test_the_statistics_are_of_all_files_from_any_folder(monkeypatch: pytest.Mon
     assert re.search(r"^ MAINTAINERS +\| +\d+ \+*$", cover, re.MULTILINE)
 
 
+@pytest.mark.slow
 def test_a_file_in_no_patch_is_told(tree: Path) -> None:
     new = tree / "board/nuc980/linux/drivers/spi/spi-nuc980.c"
     new.parent.mkdir()
@@ -131,6 +132,7 @@ def test_a_patch_in_no_series_is_told(tree: Path) -> None:
     more.unlink()
 
 
+@pytest.mark.slow
 def test_the_signer_may_be_a_person(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert series.main([str(tmp_path), "--author", "Ada Byron <ada@example.org>"]) == 0
     assert capsys.readouterr().out.count("patches and the cover letter") == len(PROJECTS)

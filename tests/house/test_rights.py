@@ -35,6 +35,7 @@ def test_not_run() -> None:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", ["0", "1"])
 def test_what_is_left_out_is_counted(tmp_path: Path, workers: str) -> None:
     (tmp_path / "tests").mkdir()

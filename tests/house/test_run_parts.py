@@ -52,6 +52,7 @@ def ran(tree: Path) -> list[str]:
     return (tree / "ran").read_text().split()
 
 
+@pytest.mark.slow
 def test_all_parts_run_and_their_times_are_told(tree: Path) -> None:
     done = run(tree)
     assert done.returncode == 0, done.stderr
@@ -65,6 +66,7 @@ def test_all_parts_run_and_their_times_are_told(tree: Path) -> None:
     assert done.stdout.count("words of test-native") == 1  # out of its log, once
 
 
+@pytest.mark.slow
 def test_what_fails_is_named_and_the_rest_still_runs(tree: Path) -> None:
     done = run(tree, failing="unit test-native image-debian")
     assert done.returncode == 1
@@ -73,6 +75,7 @@ def test_what_fails_is_named_and_the_rest_still_runs(tree: Path) -> None:
     assert "words of image-debian" in done.stdout
 
 
+@pytest.mark.slow
 def test_only_these(tree: Path) -> None:
     assert run(tree, "--only", "unit", "lint").returncode == 0
     assert ran(tree) == ["unit", "lint"]

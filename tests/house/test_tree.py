@@ -140,6 +140,7 @@ def test_layout_is_the_documented_one() -> None:
     assert present == documented
 
 
+@pytest.mark.slow
 def test_no_place_of_one_machine() -> None:
     found = []
     for path in LICENSED:

@@ -209,6 +209,7 @@ def test_names_come_in_as_many_answers_as_they_need(site: Site) -> None:
         assert narrow.names(2, "OpenRTUCA1010") == ["LLN0$measured", "LLN0$status"]
 
 
+@pytest.mark.slow
 def test_a_value_is_what_its_type_says(site: Site) -> None:
     """Each variable's value has the shape of its type: as many parts in the same order, of the same tags."""
 
@@ -400,6 +401,7 @@ def test_a_dead_line_is_a_change_of_quality(site: Site) -> None:
     site.desk.wait_all_good(1010)
 
 
+@pytest.mark.slow
 def test_integrity_reports_come_by_themselves_in_segments(site: Site) -> None:
     """A PDU of 1000 octets has not room for all: the segments together have each member once."""
     with site.client(1000) as client:
@@ -625,6 +627,7 @@ def test_a_reset_frees_the_place(site: Site) -> None:
 # ---- configuration ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_name_of_no_ied_is_refused(programs: Path, tmp_path: Path) -> None:
     file = tmp_path / "gateway.json"
     file.write_text(json.dumps(chapter_5() | {"iec61850": {"address": "127.0.0.1", "ied": "7-up"}}))

@@ -173,6 +173,7 @@ def test_kills_lose_and_repeat_nothing(plant: Plant) -> None:
     assert not any(entry.lost for entry in entries)
 
 
+@pytest.mark.slow
 def test_rtuctl_shows_what_waits(plant: Plant) -> None:
     """The queue of a block stays when its client has gone, until all was told."""
 
@@ -300,6 +301,7 @@ def test_the_rust_client_takes_buffered_reports(plant: Plant) -> None:
     assert numbers == list(range(numbers[0], numbers[0] + INPUTS))
 
 
+@pytest.mark.slow
 def test_the_rust_client_interrogates_a_buffered_block(plant: Plant) -> None:
     """GI and integrity reports have all members; the block is the client's for a while after it has gone."""
     reference = f"{DOMAIN}/LLN0.BR.brcbStatus02"

@@ -225,6 +225,7 @@ def test_stseld_shows_a_selection_of_any_protocol(plant: Plant) -> None:
         assert seen()[0] == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("block", ["LLN0$RP$urcbSeen01", "LLN0$BR$brcbSeen01"])
 def test_a_change_of_stseld_is_told(plant: Plant, block: str) -> None:
     """7-3: its trigger is dchg. Of the data object and the attribute, not of the value; whoever selects."""
@@ -300,6 +301,7 @@ def test_a_selection_ends_by_itself(plant: Plant) -> None:
     plant.end_selections_after(SELECT_S)
 
 
+@pytest.mark.slow
 def test_what_a_device_answers_is_the_reason(plant: Plant) -> None:
     with plant.client() as client:
         plant.lines.fault(DEVICE, "exception", 4, 5)
@@ -312,6 +314,7 @@ def test_what_a_device_answers_is_the_reason(plant: Plant) -> None:
         assert len(plant.writes(mark)) <= 1
 
 
+@pytest.mark.slow
 def test_an_owner_that_dies_leaves_an_unknown_fate(plant: Plant) -> None:
     """A mute device keeps the command open. Negative, once; nothing is repeated."""
     plant.lines.fault(DEVICE, "mute")
@@ -338,6 +341,7 @@ def test_an_owner_that_dies_leaves_an_unknown_fate(plant: Plant) -> None:
         assert act(client, "Oper", LAMP) == DONE  # the number of the request before is not answered again
 
 
+@pytest.mark.slow
 def test_what_the_device_has_confirmed_is_done(plant: Plant) -> None:
     """Its value is not read back before the line's process dies: the command ends all the same, at once."""
     with plant.client() as client:
@@ -388,6 +392,7 @@ def test_what_is_no_command_is_refused(plant: Plant) -> None:
     assert plant.writes(mark) == []
 
 
+@pytest.mark.slow
 def test_a_client_has_eight_commands_at_a_time(plant: Plant) -> None:
     """Piped, to a device that says nothing: one is under way, others are refused, the ninth has no place."""
     plant.lines.fault(DEVICE, "mute")

@@ -158,6 +158,7 @@ def test_a_reading_ends_with_its_client(gateway: Gateway, file: bytes) -> None:
         assert rest(client, opened(client)[0]) == file
 
 
+@pytest.mark.slow
 def test_a_changed_publication_is_in_it(gateway: Gateway) -> None:
     """Of GOOSE, whose other module goes on."""
     need(SUPERUSER, "rtu-goose has a socket on an interface's frames")
@@ -177,6 +178,7 @@ def test_a_changed_publication_is_in_it(gateway: Gateway) -> None:
         gateway.wait_for(described, 20, "the file has the other revision")
 
 
+@pytest.mark.slow
 def test_libiec61850_takes_it(gateway: Gateway, file: bytes, tmp_path: Path) -> None:
     """Its client lists and takes the file, and tshark understands each frame."""
     record: list[Connection] = []

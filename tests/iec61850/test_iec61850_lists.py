@@ -325,6 +325,7 @@ def test_a_time_is_that_of_the_last_change(plant: Plant) -> None:
 # ---- foreign clients --------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_libiec61850_makes_and_deletes_some(plant: Plant, tmp_path: Path) -> None:
     """And tshark understands each frame."""
     record: list[Connection] = []

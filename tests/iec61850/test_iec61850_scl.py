@@ -290,6 +290,7 @@ def test_deadbands_and_limits_are_those_of_the_points(gateway: Gateway) -> None:
         assert numbers(answers) == [pytest.approx(32767 / 32768), 0.5, -0.5, -1]
 
 
+@pytest.mark.slow
 def test_another_unit_starts_the_module_again(gateway: Gateway) -> None:
     config = gateway.configuration()
     changed = json.loads(json.dumps(config))
@@ -309,6 +310,7 @@ def test_another_unit_starts_the_module_again(gateway: Gateway) -> None:
         gateway.wait_for(told, 20, "the point has its other unit")
 
 
+@pytest.mark.slow
 def test_rtuctl_shows_who_has_which_block(gateway: Gateway) -> None:
     block, yes = "LLN0$RP$urcbStatus01", bytes.fromhex("8301ff")
 
@@ -327,6 +329,7 @@ def test_rtuctl_shows_who_has_which_block(gateway: Gateway) -> None:
     gateway.wait_for(lambda: not shown()["associations"] and not shown()["blocks"], 10, "nobody is shown")
 
 
+@pytest.mark.slow
 def test_another_ln_starts_the_module_again(gateway: Gateway) -> None:
     config = gateway.configuration()
     port = config["iec61850"]["port"]
@@ -384,6 +387,7 @@ def test_blocks_begin_as_the_file_has_them(gateway: Gateway) -> None:
         assert client.values((TRANSFORMED, "LLN0$RP$urcbAll01$ConfRev")) == [(0x86, b"\7")]
 
 
+@pytest.mark.slow
 def test_a_reservation_outlives_the_association_of_its_client(gateway: Gateway) -> None:
     port = gateway.configuration()["iec61850"]["port"]
     block, busy = "LLN0$BR$brcbTap01", (0x80, b"\2")
@@ -583,6 +587,7 @@ def test_conf_rev_changes_with_the_data_set_alone(describe: Describe) -> None:
     assert changed(ranged) == {(DEVICE, "Measured")} and revisions(limit(80)) == ranged
 
 
+@pytest.mark.slow
 def test_goose_control_blocks_of_the_ied_are_in_it(describe: Describe) -> None:
     def publication(name: str, device: str) -> dict[str, Any]:
         return {

@@ -27,6 +27,8 @@ from peers.tls_gateway import VERSIONS, WAITS_S, Pki, closed_by_station, public_
 from rig.capture import Relay
 from rig.desk import wait_still
 
+pytestmark = pytest.mark.slow
+
 ASSOCIATIONS = 4
 POINTS = 400
 DEVICE = "OpenRTUCA1001"
@@ -144,7 +146,6 @@ def test_the_rust_client_reads_by_its_own_tls(server: Server, version: TlsVersio
     assert server.gateway.points()[name]["ioa"] == 30001
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("version", VERSIONS)
 def test_libiec61850_browses_through_tls(server: Server, version: str) -> None:
     """In a tunnel: its Python package is built without TLS."""
@@ -286,7 +287,6 @@ def test_many_that_hang_in_the_handshake_take_no_place(pki: Pki, programs: Path)
         wait_still(lambda: processor_seconds(server), 0.1)
 
 
-@pytest.mark.slow
 def test_a_handshake_that_does_not_end_is_ended(server: Server) -> None:
     incoming, outgoing = ssl.MemoryBIO(), ssl.MemoryBIO()
     with contextlib.suppress(ssl.SSLWantReadError):
@@ -302,7 +302,6 @@ def test_a_handshake_that_does_not_end_is_ended(server: Server) -> None:
             server.wait_log(rf" port {peer.getsockname()[1]}: refused, its handshake takes too long$")
 
 
-@pytest.mark.slow
 def test_a_client_that_never_associates_is_ended(server: Server) -> None:
     """Behind its handshake it has a place, and no longer than one without TLS."""
     with server.pki.client().wrap_socket(socket.create_connection(server.address, 4 * HANDSHAKE_S)) as silent:
@@ -329,7 +328,6 @@ def test_renegotiation_is_refused_and_the_connection_goes_on(server: Server) -> 
         assert client.names(9)
 
 
-@pytest.mark.slow
 def test_octets_that_are_no_record_end_one_connection(server: Server) -> None:
     with server.client() as stays:
         for octets in (b"\x16\x03\x03\xff\xff", b"\0" * 100, b"\x17\x03\x03\0\x20" + bytes(32)):
@@ -342,7 +340,6 @@ def test_octets_that_are_no_record_end_one_connection(server: Server) -> None:
         assert stays.names(9)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("version", VERSIONS)
 def test_keys_are_renewed_or_the_connection_is(pki: Pki, programs: Path, version: str) -> None:
     with server_with(pki, programs, renewal_s=10) as server, server.client(version=version) as client:

@@ -16,6 +16,8 @@ from peers import mms
 from peers.mms import DONE, Client, element
 from rig.desk import Substation, gateway_on_lines, patience
 
+pytestmark = pytest.mark.slow
+
 CA, LINE, DOMAIN = 1005, "1.5", "OpenRTUCA1005"
 TAP, COUNTER = "T1YLTC1$ST$TapPos", "T1MMTR1$ST$SupWh"
 YES = bytes.fromhex("8301ff")

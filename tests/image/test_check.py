@@ -103,6 +103,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.sample(4)
 @pytest.mark.parametrize("what", FAULTS)
 def test_fault_is_found(buildroot: StandIn, what: str, capsys: pytest.CaptureFixture[str]) -> None:

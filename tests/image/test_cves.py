@@ -130,6 +130,7 @@ def test_no_cves_is_no_report(desk: Desk, capsys: pytest.CaptureFixture[str]) ->
     assert f"next step: git clone --depth=1 file://{desk.origin} {desk.nvd}/git" in said.err
 
 
+@pytest.mark.slow
 def test_they_are_fetched_once_and_then_what_came_since(
     desk: Desk, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -141,6 +142,7 @@ def test_they_are_fetched_once_and_then_what_came_since(
     assert "2 open, by the NVD of 2026-11-21: linux 2" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_out_of_reach_says_how_without_network(desk: Desk, capfd: pytest.CaptureFixture[str]) -> None:
     assert desk.report("--fetch") == 2
     assert "next step: make cves NVD=folder takes those of a folder" in capfd.readouterr().err
@@ -166,6 +168,7 @@ def test_broken_copy_leaves_the_repository_around_it_alone(
     assert not list(tree.rglob("CVE-2025-2.json"))
 
 
+@pytest.mark.slow
 def test_what_cve_check_fails_of_is_said(desk: Desk, capsys: pytest.CaptureFixture[str]) -> None:
     desk.knows(vulnerability("CVE-2025-1", "linux"))
     desk.bill.unlink()

@@ -123,6 +123,7 @@ def test_our_uboot_is_laid_over_what_has_our_patches(tmp_path: Path, config: str
     assert given["legal"] == {f"nuc980/{each}" for each in files}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("package", "folder", "driver"),
     [("LINUX", "linux", "drivers/irqchip/irq-nuc980.c"), ("UBOOT", "u-boot", "drivers/net/nuc980_emac.c")],

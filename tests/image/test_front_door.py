@@ -15,6 +15,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[2]
 IMAGES = ["nuc980_gateway", "nuc980_netboot"]
 SAID = ["O", "BR2_EXTERNAL", "SITE_SETTINGS", "BR2_DL_DIR", "IMAGE", "FORCE_UNSAFE_CONFIGURE"]
@@ -131,7 +133,6 @@ def tree(tmp_path: Path) -> Tree:
     return Tree(tmp_path)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("words", [["SITE=a site"], ["SITE=a site", "IMAGE=nuc980_netboot"]])
 def test_image_builds_both_or_the_one_that_is_named(tree: Tree, words: list[str]) -> None:
     site = tree.folder / "a site"
@@ -191,7 +192,6 @@ def test_image_for_development_is_beside_the_others(tree: Tree) -> None:
     )
 
 
-@pytest.mark.slow
 def test_image_offline_gets_its_compiler_and_overrides(tree: Tree) -> None:
     (tree.buildroot / "Makefile").write_text(BUILDROOT + SHOW_PACKAGES)
     (tree.folder / "configs/offline.toml").write_text("source = []\n[programs]\n")  # nothing to fetch
@@ -216,7 +216,6 @@ def test_image_offline_without_buildroot_is_said_before_anything_is_fetched(tree
     assert not (tree.folder / "build/offline").exists()
 
 
-@pytest.mark.slow
 def test_source_is_one_folder_for_a_build_without_network(tree: Tree) -> None:
     """The other tree's make must fetch nothing: its debian-source.sh would fail."""
     (tree.buildroot / "Makefile").write_text(BUILDROOT + SHOW_PACKAGES)
@@ -275,7 +274,6 @@ def git(folder: Path, *words: str) -> str:
     return done.stdout.strip()
 
 
-@pytest.mark.slow
 def test_sbom_is_the_images_with_its_version_and_a_release_of_linux(tree: Tree) -> None:
     tree.plant(GENERATE, "utils/generate-cyclonedx")
     done = tree.make_with_stand_in("sbom", "IMAGE=nuc980_netboot")
@@ -287,7 +285,6 @@ def test_sbom_is_the_images_with_its_version_and_a_release_of_linux(tree: Tree) 
     assert ":linux_kernel:5.10.140:" in bill["components"][0]["cpe"]
 
 
-@pytest.mark.slow
 def test_cves_are_of_the_images_bill_and_of_the_named_folder(tree: Tree) -> None:
     tree.plant(GENERATE, "utils/generate-cyclonedx")
     tree.plant(CVE_CHECK, "support/scripts/cve-check")
@@ -300,7 +297,6 @@ def test_cves_are_of_the_images_bill_and_of_the_named_folder(tree: Tree) -> None
     assert (tree.folder / "build/nuc980_netboot/cves.cdx.json").exists()
 
 
-@pytest.mark.slow
 def test_checkout_brings_the_pinned_commit(tree: Tree) -> None:
     git(tree.buildroot, "init", "--quiet")
     git(tree.buildroot, "add", "Makefile")
@@ -413,7 +409,6 @@ def test_a_path_with_a_space_is_refused_where_nothing_can_be_built_in_one(tmp_pa
     assert said("run-native") + said("test-quick") + said("run", DRY_RUN="n") == ""
 
 
-@pytest.mark.slow
 def test_patch_that_is_gone_is_built_without(tree: Tree) -> None:
     built = tree.folder / "built"
     patches = [tree.folder / "patches" / name / "0002-x.patch" for name in ("qemu", "uboot", "linux/6.1")]
@@ -444,7 +439,6 @@ def test_patch_that_is_gone_is_built_without(tree: Tree) -> None:
     assert builds() == set()
 
 
-@pytest.mark.slow
 def test_netboot_boots_what_is_asked_for(tree: Tree) -> None:
     images = tree.folder / "build/nuc980_netboot/images"
     site = tree.folder / "site"

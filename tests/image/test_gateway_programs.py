@@ -58,6 +58,7 @@ def target(tmp_path: Path) -> Path:
     return root
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("more", "code"), [({}, 0), ({"web": {"users": "/data/users"}}, 1)])
 def test_site_that_needs_more_than_the_image_has_is_not_built(
     target: Path, tmp_path: Path, more: dict[str, object], code: int

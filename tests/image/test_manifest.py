@@ -159,6 +159,7 @@ def test_manifest_says_what_is_there(output: Output) -> None:
     assert files["uImage"]["sha256"] == hashlib.sha256(uimage).hexdigest()
 
 
+@pytest.mark.slow
 def test_image_has_the_tree_of_its_board_alone(output: Output) -> None:
     """Buildroot compiles those of all boards in dts/nuvoton, once; the board may be another one later."""
     (output.images / "nuc980-numaker.dtb").write_bytes((output.images / "nuc980-gateway.dtb").read_bytes())
@@ -340,6 +341,7 @@ def test_copy_for_the_network_is_judged_too(output: Output) -> None:
     assert output.judge() == 1
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(at=st.integers(0, 500), cut=st.integers(0, 500), value=st.binary(min_size=1, max_size=8))
 def test_damaged_tree_is_refused_or_read(at: int, cut: int, value: bytes, tree: bytes) -> None:

@@ -56,6 +56,7 @@ def test_environment_of_u_boot_is_read_only(target: Path) -> None:
     assert [file.name for file in (target / "usr/bin").iterdir()] == ["fw_printenv"]
 
 
+@pytest.mark.slow
 def test_image_says_its_version_once(target: Path) -> None:
     """As SWUpdate compares it. Buildroot's file is a link from etc, and the script runs at every build."""
     version = swupdate(tree_version())
@@ -71,6 +72,7 @@ def test_image_says_its_version_once(target: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_image_that_takes_updates_has_the_next_number(target: Path) -> None:
     """An update is newer than each image of the site before it, and what it claims is what the image says."""
     version = swupdate(tree_version())

@@ -16,6 +16,8 @@ import pytest
 
 from peers.ddi import BASE, TOKEN, Authority, UpdateServer
 
+pytestmark = pytest.mark.slow
+
 SCRIPT = Path(__file__).resolve().parents[2] / "board/nuc980/rootfs-overlay/usr/sbin/rtu-pull"
 CONTENT = bytes(range(256)) * 1000
 BOARD = "station-7-020000000001"
@@ -128,7 +130,6 @@ def test_nothing_to_do(board: Board, server: UpdateServer) -> None:
     assert not board.installed
 
 
-@pytest.mark.slow
 def test_installed_and_reported_once_it_is_confirmed(board: Board, server: UpdateServer) -> None:
     offer(server)
     assert board.pull().returncode == 0
@@ -148,7 +149,6 @@ def test_installed_and_reported_once_it_is_confirmed(board: Board, server: Updat
     assert len(server.seen) == seen + 2, "it is not reported twice"
 
 
-@pytest.mark.slow
 def test_failure_when_the_old_version_is_back(board: Board, server: UpdateServer) -> None:
     offer(server)
     board.pull()
@@ -158,7 +158,6 @@ def test_failure_when_the_old_version_is_back(board: Board, server: UpdateServer
     assert "returned to the old version" in server.reports[-1]["status"]["details"][0]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "why",
     [
@@ -177,7 +176,6 @@ def test_refusal_is_reported_with_its_reason(why: str, board: Board, server: Upd
     assert not board.restarted
 
 
-@pytest.mark.slow
 def test_not_now_is_no_failure(board: Board, server: UpdateServer) -> None:
     offer(server)
     board.refuses(
@@ -188,7 +186,6 @@ def test_not_now_is_no_failure(board: Board, server: UpdateServer) -> None:
     assert "rtud does not run" in done.stderr
 
 
-@pytest.mark.slow
 def test_download_goes_on_where_it_broke(board: Board, server: UpdateServer) -> None:
     offer(server)
     server.cuts = [1000, 0, 100_000]
@@ -198,7 +195,6 @@ def test_download_goes_on_where_it_broke(board: Board, server: UpdateServer) -> 
     assert froms == ["0", "1000", "1000", "101000"]
 
 
-@pytest.mark.slow
 def test_download_that_breaks_for_good_is_tried_later(board: Board, server: UpdateServer) -> None:
     offer(server)
     server.cuts = [1000] + [0] * 10
@@ -209,7 +205,6 @@ def test_download_that_breaks_for_good_is_tried_later(board: Board, server: Upda
     assert server.results == [("12", "proceeding", "none")]
 
 
-@pytest.mark.slow
 def test_server_that_cannot_go_on_gives_no_mixture(board: Board, server: UpdateServer) -> None:
     offer(server)
     server.cuts, server.ranges = [1000], False
@@ -281,7 +276,6 @@ def test_what_is_to_wait_waits(board: Board, server: UpdateServer) -> None:
     assert not server.reports
 
 
-@pytest.mark.slow
 def test_file_of_another_kind_fails(board: Board, server: UpdateServer) -> None:
     offer(server)
     server.filename = "image.bin"
@@ -296,7 +290,6 @@ def test_cancelled_before_it_was_begun(board: Board, server: UpdateServer) -> No
     assert server.results == [("11", "closed", "success")]
 
 
-@pytest.mark.slow
 def test_result_is_kept_until_the_server_takes_it(board: Board, server: UpdateServer) -> None:
     offer(server)
     board.pull()
@@ -335,7 +328,6 @@ def test_follow_waits_as_long_as_the_server_wants(
     assert 3724 <= int((board.root / "slept").read_text()) <= 3724 * 5 / 4
 
 
-@pytest.mark.slow
 def test_follow_backs_off(board: Board, server: UpdateServer, monkeypatch: pytest.MonkeyPatch) -> None:
     sleep = board.root / "bin/sleep"
     sleep.write_text(sleep.read_text().replace("[ -z", f'[ "$(wc -l <{board.root}/slept)" -lt 9 ] || [ -z'))

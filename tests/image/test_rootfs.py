@@ -152,6 +152,7 @@ def test_library_may_be_named_by_the_table(tmp_path: Path, packages: Path) -> No
     assert (root / FOLDER / "libother.so.3").stat().st_mode & 0o777 == 0o755
 
 
+@pytest.mark.slow
 def test_library_that_no_package_has_is_said(tmp_path: Path, packages: Path) -> None:
     root = tmp_path / "root"
     compiled(root / "usr/bin/program", packages / FOLDER / "libouter.so.2")

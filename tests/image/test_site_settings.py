@@ -46,6 +46,7 @@ def made_key(folder: Path, kind: str) -> Path:
     return key
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["ed25519", "rsa", "ecdsa"])
 def test_key_that_ssh_keygen_made(judge: list[str], tmp_path: Path, kind: str) -> None:
     key = made_key(tmp_path, kind)
@@ -154,6 +155,7 @@ def test_configuration_is_judged_by_the_gateway(judge: list[str], programs: Path
     assert "pints: unknown key" in why
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("programs")
 def test_sites_of_this_tree_are_sound(tmp_path: Path) -> None:
     write_site(tmp_path, updates=True)

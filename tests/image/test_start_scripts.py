@@ -6,6 +6,8 @@ import re
 import subprocess
 from pathlib import Path
 
+import pytest
+
 from rig.rights import NETWORK, need
 
 OVERLAY = Path(__file__).resolve().parents[2] / "board" / "nuc980" / "rootfs-overlay"
@@ -27,6 +29,7 @@ def serve(root: Path) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 def test_openssh_has_the_key_that_is_configured_and_no_other(tmp_path: Path) -> None:
     assert serve(tmp_path) == "-D\n"
     configured = re.findall(r"^HostKey (\S+)$", (OVERLAY / "etc/ssh/sshd_config").read_text(), re.MULTILINE)

@@ -49,6 +49,7 @@ def test_same_input_same_bytes(signer: Signer) -> None:
     assert one == other
 
 
+@pytest.mark.slow
 def test_description_comes_first_and_is_signed(content: Path, signer: Signer) -> None:
     done = subprocess.run(
         ["openssl", "cms", "-verify", "-binary", "-inform", "DER", "-in", "sw-description.sig",

@@ -17,6 +17,8 @@ from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.linesim import LineSim
 from rig.capture import recorded
 
+pytestmark = pytest.mark.slow
+
 PORT, SHORT, HOLED, LACKING = 1, 1, 2, 3
 LIMIT = 16
 LEARNED = 10  # of 40, halved until it is below the limit
@@ -197,7 +199,6 @@ def test_what_was_learned_spares_the_next_start_every_refusal(bench: Bench) -> N
         assert without_reactions(keys) == {"port": []}
 
 
-@pytest.mark.slow
 def test_how_fast_devices_are_is_learned_and_computed_with(programs: Path) -> None:
     config = configuration()
     with bench_of(programs, SLOW_MS * 1000) as bench:

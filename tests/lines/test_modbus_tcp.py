@@ -210,6 +210,7 @@ ADDRESSES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("address", ADDRESSES)
 def test_connection_is_a_line_like_others(programs: Path, address: str) -> None:
     with Server(address) as server, gateway_of(programs, tcp_port(7, server, [slave(255, 0, 4)])) as gateway:
@@ -324,6 +325,7 @@ class Moody(Server):
                 return
 
 
+@pytest.mark.slow
 def test_peer_that_hangs_up_behind_each_answer_is_good(programs: Path) -> None:
     with Moody(hangs_up=True) as server, gateway_of(programs, tcp_port(7, server, [slave(1, 0)])) as gateway:
         wait_good(gateway, "p7.1.*")

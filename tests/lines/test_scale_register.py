@@ -196,6 +196,7 @@ def test_a_factor_that_is_none_makes_its_values_invalid_and_no_others(bench: Ben
     bench.gateway.wait_for(lambda: all_good(bench.gateway), 10.0, "all are good again")
 
 
+@pytest.mark.slow
 def test_a_command_is_written_with_the_factor_that_was_read(bench: Bench) -> None:
     for factor, value, written in ((0, 12.0, 12), (0x10000 - 2, 12.34, 1234), (2, -1200.0, 0x10000 - 12)):
         since = bench.master.mark()

@@ -178,6 +178,7 @@ def master(programs: Path) -> Iterator[Master]:
         yield stack.enter_context(Master(*gateway.address))
 
 
+@pytest.mark.slow
 @pytest.mark.sample(3)
 @pytest.mark.parametrize(("template", "table", "registers", "expected"), DEVICES)
 def test_what_a_device_says_arrives(

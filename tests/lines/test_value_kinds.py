@@ -191,6 +191,7 @@ def test_what_cannot_be_represented_says_so(bench: Bench) -> None:
         bench.report(ioa, since, "good", number)
 
 
+@pytest.mark.slow
 def test_one_interrogation_brings_all_devices_of_an_address(bench: Bench) -> None:
     ioas = [report.ioa for report in bench.master.interrogate(CA)]
     objects = [one for table in OBJECTS.values() for one in table]
@@ -198,6 +199,7 @@ def test_one_interrogation_brings_all_devices_of_an_address(bench: Bench) -> Non
     assert sorted(ioas) == sorted([*expected, *(ioa + OFFSET for ioa in expected)])
 
 
+@pytest.mark.slow
 def test_broadcast_interrogation_asks_the_station_once(bench: Bench) -> None:
     ioas = [report.ioa for report in bench.master.interrogate_all(CA)]
     assert len(ioas) == len(set(ioas)) > OFFSET // 100

@@ -714,6 +714,7 @@ u[2].n := 5; u[1].v[2] := 6; u[1].w[1, 1] := 7; m := RUN; END_PROGRAM"""
 # ---- the second interpreter --------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seeds", "least", "some"), [(5, 2, 10), pytest.param(25, 15, 100, marks=pytest.mark.slow)]
 )

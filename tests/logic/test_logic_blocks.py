@@ -110,6 +110,7 @@ def test_biquad_is_that_of_scipy(signal: ModuleType) -> None:
     assert numbers(found) == pytest.approx(list(signal.lfilter(b, a, values)), rel=1e-12, abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.sample(6)
 @pytest.mark.parametrize("kind", ["butterworth", "chebyshev", "elliptic"])
 @pytest.mark.parametrize(
@@ -230,6 +231,7 @@ def controlled(
     return pvs, outs
 
 
+@pytest.mark.slow
 def test_pid_settles_as_its_transfer_function_says(signal: ModuleType) -> None:
     """PI with KP 2 and TI 5 s on 1 / (1 + 10 s): the closed loop is (10 s + 2) / (50 s^2 + 15 s + 2)."""
     pvs, _ = controlled("SP := sp, PV := pv, KP := 2.0, TI := T#5s, HIGH := 1000.0", 60)
@@ -501,6 +503,7 @@ def test_the_page_has_each_block() -> None:
         assert f"`{unit.name}" in page or unit.name in STANDARD, unit.name
 
 
+@pytest.mark.slow
 def test_each_plot_is_what_its_block_does(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, ROOT / "scripts/block-plots.py", "--into", tmp_path],
@@ -517,6 +520,7 @@ def test_each_plot_is_what_its_block_does(tmp_path: Path) -> None:
     assert max(map(len, kept.values())) < 8192
 
 
+@pytest.mark.slow
 def test_the_picture_is_what_the_example_does(tmp_path: Path) -> None:
     example, plot = ROOT / "docs/examples/logic/tank.st", tmp_path / "blocks.svg"
     words = ["run", str(example), str(example.with_suffix(".test.csv")), "-o", str(tmp_path / "out.csv")]

@@ -151,6 +151,7 @@ def test_a_file_that_is_no_program_is_refused(programs: Path, tmp_path: Path, oc
     assert any("expected a file that openrtu logic compile has written" in line for line in errors), errors
 
 
+@pytest.mark.slow
 def test_a_damaged_program_is_refused(programs: Path, tmp_path: Path) -> None:
     whole, chance = compiled(PROGRAM), random.Random(29)
     for _ in range(40):

@@ -297,6 +297,7 @@ def test_what_remembers_nothing_holds_nothing_that_does(text: str, expected: str
     assert any(expected in finding for finding in findings_of(f"{text} PROGRAM p END_PROGRAM"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("good", [(ROOT / "docs/examples/logic/pump.st").read_text(), text_of([])])
 def test_any_text_gets_an_answer(good: str) -> None:
     """The compiler, with damaged text: findings, never an exception."""

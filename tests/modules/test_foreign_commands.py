@@ -278,6 +278,7 @@ def test_module_that_refuses_says_why(plant: Plant) -> None:
     plant.gateway.wait_for(refused, PATIENCE_S, "the module has refused")
 
 
+@pytest.mark.slow
 def test_module_that_does_not_look_ends_in_a_time_out(plant: Plant, master: RawMaster) -> None:
     plant.say("valve", deaf=True)
     plant.gateway.wait_for(
@@ -379,6 +380,7 @@ def test_retained_point_goes_on(plant: Plant, master: RawMaster) -> None:
     assert since in ([(None, 0x80), (31, 0), (32, 0)], [(31, 0), (32, 0)], [(32, 0)])
 
 
+@pytest.mark.slow
 def test_reload_exchanges_a_module_between_two_scans(plant: Plant, master: RawMaster) -> None:
     """Its retained point passes over, and no master is told that it was invalid, nor loses its connection."""
     gateway = plant.gateway
@@ -409,6 +411,7 @@ def test_reload_exchanges_a_module_between_two_scans(plant: Plant, master: RawMa
 # ---- events --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_events_are_heard_in_order_and_once(plant: Plant) -> None:
     """More of them than scans of who hears them."""
     values = list(range(700, 712))
@@ -430,6 +433,7 @@ def test_end_of_a_module_is_an_event_of_its_points(plant: Plant) -> None:
     plant.wait_point("drive", 0)
 
 
+@pytest.mark.slow
 def test_lost_events_are_counted_and_shown(plant: Plant) -> None:
     """The count of the valve changes in each of its scans, and its ring keeps 63."""
     plant.say("listener", sleep_s=1.9)
@@ -450,6 +454,7 @@ def frozen(master: RawMaster, qualifier: int) -> list[tuple[int, int, int]]:
     ]
 
 
+@pytest.mark.slow
 def test_counter_is_frozen_and_reset(plant: Plant, master: RawMaster) -> None:
     """QCC: freeze with reset of group 2 (FRZ 2), then read it; the module counts a scan each."""
     master.request(C_CI, VALVE, 0, bytes([2 << 6 | 2]))

@@ -109,6 +109,7 @@ def test_login_with_a_kernels_line_behind_it(console: Console) -> None:
     console.until_login()
 
 
+@pytest.mark.slow
 def test_last_login_is_no_login(console: Console) -> None:
     console.says(STARTING + BANNER + b"the last login: Sat Nov 21\r\n")
     error_of(LinuxSilent, console.until_login_soon)
@@ -162,6 +163,7 @@ def test_bootm_gives_up_for_ever(console: Console) -> None:
     assert "FDT creation failed!" in error and "switch the board off and on" in error
 
 
+@pytest.mark.slow
 def test_bootm_hangs(console: Console) -> None:
     console.says(BOOTM)
     assert "bootm did not end within 0.3 s" in error_of(BootmFailed, console.until_login_soon)
@@ -232,6 +234,7 @@ def cuts() -> Iterator[bytes]:
                 yield NEWER + words[:kept] + glitch
 
 
+@pytest.mark.slow
 @pytest.mark.sample(7)
 @pytest.mark.parametrize("size", [1, 4096])
 @pytest.mark.parametrize("first", FIRST_WORDS.values(), ids=FIRST_WORDS)
@@ -240,6 +243,7 @@ def test_cut_line_is_no_failure(first: bytes, size: int) -> None:
         assert "login: " in watched(printed + first + b"gateway login: ", size)[-1], printed
 
 
+@pytest.mark.slow
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("size", [1, 4096])
 def test_panic_behind_a_cut_line_is_a_panic(size: int) -> None:
@@ -296,16 +300,19 @@ def test_line_that_comes_in_parts_is_seen_once() -> None:
     assert [line for line in shown if line] == ["backup: 1;", "backup: 2;"]
 
 
+@pytest.mark.slow
 def test_not_a_word(console: Console) -> None:
     console.says(STARTING)
     assert "console=ttyS0,115200n8" in error_of(KernelMute, console.until_login_soon)
 
 
+@pytest.mark.slow
 def test_unpacked_and_not_a_word(console: Console) -> None:
     console.says(STARTING + b"Uncompressing Linux... done, booting the kernel.\r\n")
     error_of(KernelMute, console.until_login_soon)
 
 
+@pytest.mark.slow
 def test_it_stops_in_the_middle(console: Console) -> None:
     console.says(STARTING + BANNER + b"[    1.0] nand: half a li")
     assert "the last one: '[    1.0] nand: half a li'" in error_of(LinuxSilent, console.until_login_soon)
@@ -325,6 +332,7 @@ class Talker:
         return ""
 
 
+@pytest.mark.slow
 def test_it_never_ends_talking() -> None:
     watch = LinuxWatch(Talker(), 17, len)  # type: ignore[arg-type]
     error_of(LinuxSilent, lambda: watch.until(SOON))
@@ -369,6 +377,7 @@ def test_missing_root_is_told(console: Console, line: bytes) -> None:
     assert "ubi.mtd=" in error_of(RootMissing, console.until_login_soon)
 
 
+@pytest.mark.slow
 def test_oops_is_no_success(console: Console) -> None:
     oops = b"[    1.0] Unable to handle kernel NULL pointer dereference at virtual address 00000000\r\n"
     console.says(STARTING + BANNER + oops + b"[    1.0] Internal error: Oops: 5 [#1] ARM\r\n" + TRACE + LOGIN)

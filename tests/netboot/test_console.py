@@ -163,6 +163,7 @@ def test_poke_at_a_wrong_speed_is_no_enter() -> None:
                     assert not set(heard) & set(b"\r\n"), (sent, read, heard)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("board", "error"),
     [
@@ -243,6 +244,7 @@ def test_garbage_from_a_serial_server_is_the_servers_speed() -> None:
     assert bench.line.baud == 115200
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("board", [login, shell, kernel])
 def test_linux_gets_few_keys_and_no_enter(board: Callable[[Board], Life]) -> None:
     bench = Bench(board)

@@ -16,6 +16,8 @@ from nuc980.netboot.progress import Progress
 from nuc980.netboot.session import Session
 from nuc980.netboot.transport import Line
 
+pytestmark = pytest.mark.slow
+
 LAST_WORDS = len("\n\rStarting kernel ...\n\r\n\r")
 TREE = bytes.fromhex("d00dfeed00000028")
 GOAL = Goal(seconds=60.0, bootm_seconds=60.0)

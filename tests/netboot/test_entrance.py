@@ -338,6 +338,7 @@ def load(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(host.os, "cpu_count", lambda: 2)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("load")
 def test_load_of_the_host_is_named() -> None:
     assert host.busy() == "this host is busy (load 48 on 2 processors), and serves the line late"

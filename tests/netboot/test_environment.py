@@ -59,6 +59,7 @@ def test_factorys_file_is_read() -> None:
     assert parse(text) == Environment(FACTORY_ENVIRONMENT)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [35 + 1, 35 + 1 + 2 * 2])
 def test_both_ways_to_count_are_known(size: int) -> None:
     """2016.11 says two bytes more for each variable than 2023.01."""
@@ -66,6 +67,7 @@ def test_both_ways_to_count_are_known(size: int) -> None:
     assert parse(text, whole=True).variables == {"bootcmd": "a; b=c; d='e'", "bootdelay": "3"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "why"),
     [
@@ -203,6 +205,7 @@ def test_nothing_is_typed_when_nothing_differs() -> None:
     assert plan_restore({"a": "1", "filesize": "7"}, {"a": "1"}, save=False).steps == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("value", ["two\nlines", "schön", "tab\there"])
 def test_what_cannot_be_typed_is_refused_before_anything_is(value: str) -> None:
     with pytest.raises(UnusableInput, match=r"odd: .* printable ASCII"):
@@ -219,6 +222,7 @@ long = st.text(printable, min_size=230, max_size=700) | st.text(shell, min_size=
 typed_values = short | long
 
 
+@pytest.mark.slow
 @busy
 @given(typed_values)
 def test_each_line_fits(value: str) -> None:

@@ -99,6 +99,7 @@ def test_wrong_password(linux: Linux) -> None:
         linux.login("locked", "guess")
 
 
+@pytest.mark.slow
 def test_silence(linux: Linux) -> None:
     linux.login("root")
     with pytest.raises(LinuxSilent, match=r"within 0\.3 s"):

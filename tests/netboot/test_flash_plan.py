@@ -85,6 +85,7 @@ def numbers(command: str) -> list[int]:
 BAD = (0x200000, 0x240000, 0x720000, 0x1600000, 0x1660000)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ubi", [20 * BLOCK, 400 * BLOCK], ids=["UBI in RAM", "UBI by pieces"])
 def test_nothing_is_erased_before_it_is_backed_up_and_its_content_compared(
     work: Callable[..., Work], tmp_path: Path, ubi: int
@@ -112,6 +113,7 @@ def test_nothing_is_erased_before_it_is_backed_up_and_its_content_compared(
                 assert compared >= set(range(address // 2048, (address + size) // 2048))
 
 
+@pytest.mark.slow
 def test_only_good_blocks_of_the_slots_are_touched_each_once(
     work: Callable[..., Work], tmp_path: Path
 ) -> None:
@@ -151,6 +153,7 @@ def test_kernel_comes_last_and_all_is_read_back(work: Callable[..., Work], tmp_p
         assert read.rstrip(b"\xff") == image.path.read_bytes().rstrip(b"\xff")
 
 
+@pytest.mark.slow
 def test_pages_behind_an_image_stay_erased(work: Callable[..., Work], tmp_path: Path) -> None:
     plan = work(UBI=2 * BLOCK)
     path = plan.images[0].path

@@ -36,6 +36,7 @@ def test_duration_is_said_as_a_person_does(seconds: float, text: str) -> None:
     assert duration(seconds) == text
 
 
+@pytest.mark.slow
 def test_forecast_counts_what_goes_over_the_line(tmp_path: Path) -> None:
     """Of a block that is not erased, backed up over the line: what comes from the board."""
     log, target = tmp_path / "log", tmp_path / "backup"

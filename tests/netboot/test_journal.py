@@ -40,6 +40,7 @@ def test_two_in_one_second_have_their_own_folders(tmp_path: Path) -> None:
     assert len(folders) == 4
 
 
+@pytest.mark.slow
 def test_cut_anywhere_it_is_read_up_to_the_last_whole_line(journal: Journal) -> None:
     for number in range(3):
         journal.add("begin", number=number)

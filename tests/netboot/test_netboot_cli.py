@@ -101,6 +101,7 @@ def test_unknown_words_are_argparses() -> None:
 # ---- a dry run and a run
 
 
+@pytest.mark.slow
 def test_dry_probe_is_what_a_probe_types(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     report = tmp_path / "board.json"
     with Double("factory") as double:
@@ -115,6 +116,7 @@ def test_dry_probe_is_what_a_probe_types(tmp_path: Path, capsys: pytest.CaptureF
     assert json.loads(report.read_text())["command"] == "probe"
 
 
+@pytest.mark.slow
 def test_dry_boot_is_what_a_boot_types(
     images: list[str], site: Path, udp_port: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -260,6 +260,7 @@ LINUX = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scenario", table(REACHED + LINE + NETWORK + IMAGES + LINUX))
 def test_boot(
     scenario: Scenario,

@@ -592,6 +592,7 @@ MIDDLE = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scenario", table(WRITTEN + WORN + LINE + REFUSED + BEFORE + MIDDLE))
 def test_flash(
     scenario: Scenario,

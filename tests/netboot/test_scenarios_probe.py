@@ -13,6 +13,8 @@ from netboot.double import FACTORY_ENVIRONMENT, faults
 from netboot.scenario import ENVIRONMENT, Bench, Scenario, play, table
 from nuc980.netboot import errors
 
+pytestmark = pytest.mark.slow
+
 OURS = {"variant": "ours"}
 PROBE = ("probe",)
 RESTORE = ("restore-env", "%saved")

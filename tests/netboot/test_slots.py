@@ -91,6 +91,7 @@ def test_root_in_ubi_is_where_the_image_has_it() -> None:
         assert (volume["vol_name"], volume["vol_size"]) == (root_volume(name), f"{ROOT_VOLUME >> 20}MiB")
 
 
+@pytest.mark.slow
 def test_install_without_a_root_in_its_ubi_image(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Its kernel would panic. With root_a, all of UBI is planned, and of B that it has no device tree."""
     chance = random.Random(980)

@@ -855,6 +855,7 @@ def test_transfer_survives_anything(fuzzed: FileService, storm: list[tuple[bytes
 # ---- start and end
 
 
+@pytest.mark.slow
 def test_nothing_is_left(uimage: Path) -> None:
     def held() -> tuple[int, int]:
         return threading.active_count(), len(list(Path("/proc/self/fd").iterdir()))

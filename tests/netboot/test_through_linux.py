@@ -111,6 +111,7 @@ def test_other_bytes_than_uboots_are_no_backup(place: Place) -> None:
     assert whole[: 3 * BLOCK] == content[: 3 * BLOCK] and whole[4 * BLOCK :] == content[4 * BLOCK :]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("marks", [(), (b"Bbt0",), (b"Bbt0", b"1tbB")])
 def test_without_tables_of_bad_blocks_no_linux_is_started(marks: tuple[bytes, ...]) -> None:
     step = FindTables(NAND, 0x100000)

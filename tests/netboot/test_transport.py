@@ -231,6 +231,7 @@ def test_programs_may_end_while_they_are_asked(wire: Pty, monkeypatch: pytest.Mo
         assert ending.returncode == 0
 
 
+@pytest.mark.slow
 def test_program_that_reads_along_is_told_at_the_start() -> None:
     """Locks keep only those out that ask for one, as `cat` does not."""
     told: list[str] = []
@@ -246,6 +247,7 @@ def test_program_that_reads_along_is_told_at_the_start() -> None:
         assert told == []
 
 
+@pytest.mark.slow
 def test_program_that_may_have_taken_the_answer_is_named(wire: Pty) -> None:
     with (
         Line(wire.name) as line,
@@ -400,6 +402,7 @@ def test_console_over_a_slow_network() -> None:
         assert at.run("crc32 0 10").output.endswith("bcda9946\n")
 
 
+@pytest.mark.slow
 def test_socket_that_closes_is_said() -> None:
     with (
         server(lambda connection: connection.sendall(b"last")) as port,
@@ -560,6 +563,7 @@ def test_terminal_is_put_right_when_it_is_ended(person: Person, number: int) -> 
     assert person.leaves_it_as_it_was() == 128 + number
 
 
+@pytest.mark.slow
 def test_terminal_is_put_right_when_the_line_is_lost(wire: Pty, person: Person) -> None:
     person.sees(b"go to the board")
     wire.close()
@@ -579,6 +583,7 @@ def test_terminal_needs_a_terminal(wire: Pty) -> None:
     assert "--console needs a terminal" in ran.stderr
 
 
+@pytest.mark.slow
 def test_every_error_of_the_line_says_cause_and_next_step() -> None:
     def below(kind: type[NetbootError]) -> Iterator[type[NetbootError]]:
         for child in kind.__subclasses__():

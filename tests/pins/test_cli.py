@@ -169,6 +169,7 @@ def test_accepted_finding_comes_with_its_reason(tmp_path: Path, good: Path, bad:
     assert f"no findings, {len(entries)} accepted" in done.stdout
 
 
+@pytest.mark.slow
 def test_works_from_any_folder_and_through_a_link(tmp_path: Path) -> None:
     (tmp_path / "pins").symlink_to(PROGRAM)
     done = subprocess.run([tmp_path / "pins", "explain", "PA0"], cwd=tmp_path, capture_output=True, text=True)

@@ -34,6 +34,7 @@ def test_other_function_for_the_same_device(tmp_path: Path) -> None:
     assert [change.pin for change in changes(tmp_path, board(before), board(after))] == ["PC6", "PF9"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "off",
     ['&emac1 { status = "disabled"; };', "/delete-node/ &emac1;", "&emac1 { /delete-property/ pinctrl-0; };"],
@@ -50,6 +51,7 @@ def test_conflict_names_both(tmp_path: Path) -> None:
     assert found[0] == PinChange("PA0", ("uart1 UART1_RXD",), ("can3 CAN3_RXD", "uart1 UART1_RXD"))
 
 
+@pytest.mark.slow
 def test_lines_and_their_properties(tmp_path: Path) -> None:
     phy = '/ {{ phy {{ compatible = "x"; {}-gpios = <&gpio {} 1>; }}; }};'
     found = changes(tmp_path, gateway(phy.format("reset", 34)), gateway(phy.format("power", 34)))

@@ -150,6 +150,7 @@ def test_each_warning_of_dtc_is_an_error(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [source]
 
 
+@pytest.mark.slow
 def test_failed_build_leaves_the_last_good_file(tmp_path: Path) -> None:
     source, dtb = tmp_path / "board.dts", tmp_path / "board.dtb"
     source.write_text("/dts-v1/;\n/ { };\n")

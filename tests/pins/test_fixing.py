@@ -54,6 +54,7 @@ def mend(folder: Path, more: str, *words: str) -> tuple[int, str, str]:
     return done.returncode, file.read_text(), shown.stdout
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(("wrong", "right"), MENDED.values(), ids=MENDED)
 def test_one_right_answer_is_shown_and_written(tmp_path: Path, wrong: str, right: str) -> None:
     code, text, shown = mend(tmp_path, BOOT + wrong, *CHIP_ONLY)
@@ -63,12 +64,14 @@ def test_one_right_answer_is_shown_and_written(tmp_path: Path, wrong: str, right
     assert all(f"+{line}" in shown for line in set(right.splitlines()) - set(wrong.splitlines()))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("wrong", "right"), WITH_TABLE.values(), ids=WITH_TABLE)
 def test_what_the_pin_table_knows(tmp_path: Path, wrong: str, right: str) -> None:
     code, text, _ = mend(tmp_path, BOOT + wrong)
     assert (code, wrong in text, right in text) == (DONE, False, True)
 
 
+@pytest.mark.slow
 def test_a_statement_that_is_missing_comes_into_its_node(tmp_path: Path) -> None:
     code, text, _ = mend(tmp_path, BOOT.replace(' device_type = "memory";', ""))
     assert code == DONE

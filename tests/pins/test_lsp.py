@@ -194,6 +194,7 @@ def test_names_that_are_no_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert session(work, "--chip-only") == 0
 
 
+@pytest.mark.slow
 def test_a_session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", "")
     file = write(tmp_path / "board.dts", "")

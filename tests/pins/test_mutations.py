@@ -10,7 +10,6 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 from mutation import Mutation, assert_found
@@ -33,16 +32,8 @@ DTS = ROOT / "dts" / "nuvoton" / "nuc980-gateway.dts"
 CHIP_MUTATIONS = PIN_MUTATIONS + DEVICE_MUTATIONS + PROPERTY_MUTATIONS
 
 
-def quick_once_a_rule(mutations: list[Mutation]) -> list[Any]:
-    """The first of each rule is quick."""
-    quick = {mutation.rule: mutation for mutation in reversed(mutations)}.values()
-    return [
-        mutation if mutation in quick else pytest.param(mutation, marks=pytest.mark.slow)
-        for mutation in mutations
-    ]
-
-
-@pytest.mark.parametrize("mutation", quick_once_a_rule(CHIP_MUTATIONS), ids=str)
+@pytest.mark.sample(12)
+@pytest.mark.parametrize("mutation", CHIP_MUTATIONS, ids=str)
 def test_mistake_against_the_chip(mutation: Mutation, tmp_path: Path) -> None:
     tree = read(tmp_path, mutation.good + mutation.more, mutation.soc)
     assert_found(mutation, check(tree, CHIP, package=CHIP.packages["LQFP128"]))
@@ -51,7 +42,8 @@ def test_mistake_against_the_chip(mutation: Mutation, tmp_path: Path) -> None:
     assert {mutation.rule, *mutation.also} <= with_table
 
 
-@pytest.mark.parametrize("mutation", quick_once_a_rule(TABLE_MUTATIONS + BOOT_MUTATIONS), ids=str)
+@pytest.mark.sample(12)
+@pytest.mark.parametrize("mutation", TABLE_MUTATIONS + BOOT_MUTATIONS, ids=str)
 def test_mistake_against_the_pin_table(mutation: Mutation, tmp_path: Path) -> None:
     tree = read(tmp_path, mutation.good + mutation.more, mutation.soc)
     table = replace(BOARD, devices=BOARD.devices | more_pins(mutation.table))
@@ -80,11 +72,13 @@ def test_what_only_looks_wrong_has_no_finding(more: str, tmp_path: Path) -> None
     assert check(read(tmp_path, gateway(more)), CHIP) == []
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("more", RIGHT_BOOT.values(), ids=RIGHT_BOOT)
 def test_what_boots_has_no_finding(more: str, tmp_path: Path) -> None:
     assert check(read(tmp_path, gateway(BOOT + more)), CHIP, BOARD, BOARD.package) == []
 
 
+@pytest.mark.slow
 def test_every_rule_has_a_mistake_and_every_mistake_its_own_name() -> None:
     mutations = CHIP_MUTATIONS + TABLE_MUTATIONS + BOOT_MUTATIONS
     assert {mutation.rule for mutation in mutations} == {*RULES} - {

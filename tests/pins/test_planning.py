@@ -74,6 +74,7 @@ def test_any_wishes_have_a_plan_or_a_core_that_is_the_least(seed: int, tmp_path:
                 plan_board(CHIP, PART, fewer)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("wishes", "why"),
     [

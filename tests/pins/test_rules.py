@@ -368,6 +368,7 @@ def test_a_check_takes_less_than_50_milliseconds_of_the_processor(tmp_path: Path
     assert min(runs) < 0.05
 
 
+@pytest.mark.slow
 def test_interrupt_parents_in_a_circle_come_to_an_end() -> None:
     tree = built(GATEWAY_PINS)
     uart = tree.find("/apb/serial@b0071000")

@@ -35,6 +35,7 @@ def schemas(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return file
 
 
+@pytest.mark.slow
 def test_what_the_bindings_find_is_a_finding_at_its_line(schemas: Path, tmp_path: Path) -> None:
     file = tmp_path / "board.dts"
     file.write_text(WRONG)
@@ -49,6 +50,7 @@ def test_what_the_bindings_find_is_a_finding_at_its_line(schemas: Path, tmp_path
     assert "schema" in {rule["id"] for rule in sarif["tool"]["driver"]["rules"]}
 
 
+@pytest.mark.slow
 def test_our_tree_has_none(schemas: Path) -> None:
     assert run("check", "--schemas", schemas, DTS).returncode == DONE
 

@@ -228,6 +228,7 @@ def test_include_without_end(write: Callable[[str, str], Path], monkeypatch: pyt
     assert "cpp did not end within 0.2 s; check the #include lines of the file" in refusal(file)
 
 
+@pytest.mark.slow
 def test_a_mistake_before_much_else_is_told(write: Callable[[str, str], Path]) -> None:
     file = write("x.dts", "/dts-v1/;\n/ { = };\n" + "/ { node { }; };\n" * 20000)
     done = subprocess.run(

@@ -74,6 +74,7 @@ def test_one_seed_one_trace_beside_busy_processes(first: Run, folder: Path) -> N
         assert run(1, folder / "busy").trace == first.trace
 
 
+@pytest.mark.slow
 def test_another_seed_another_trace(first: Run, folder: Path) -> None:
     assert run(2, folder / "other").trace != first.trace
 
@@ -162,6 +163,7 @@ def test_a_module_is_killed_and_begins_again(programs: Path, linesim_program: Pa
     assert len(lines_of(ran, b"rtu-iec104#2 begins")) == 1
 
 
+@pytest.mark.slow
 def test_a_module_that_stops_does_nothing_meanwhile(
     programs: Path, linesim_program: Path, folder: Path
 ) -> None:
@@ -187,17 +189,20 @@ def told_behind_a_stop(folder: Path, *others: Fault) -> list[tuple[int, int]]:
     ]
 
 
+@pytest.mark.slow
 def test_a_line_process_that_was_stopped_reads_before_it_is_believed(
     programs: Path, linesim_program: Path, folder: Path
 ) -> None:
     assert told_behind_a_stop(folder) == [(0, 14)]
 
 
+@pytest.mark.slow
 def test_what_it_cannot_read_then_is_not_topical(programs: Path, linesim_program: Path, folder: Path) -> None:
     told = told_behind_a_stop(folder, Fault(20.9, "silent", "2.3", for_s=10.0))
     assert told == [(NOT_TOPICAL, 11), (INVALID, 11), (0, 14)]
 
 
+@pytest.mark.slow
 def test_a_scan_in_which_it_was_stopped_does_not_say_how_long_one_takes(
     programs: Path, linesim_program: Path, folder: Path
 ) -> None:
@@ -212,6 +217,7 @@ def test_a_scan_in_which_it_was_stopped_does_not_say_how_long_one_takes(
     assert judge(ran) == []
 
 
+@pytest.mark.slow
 def test_with_rtud_its_modules_are_killed(programs: Path, linesim_program: Path, folder: Path) -> None:
     ran = faulty(folder, Fault(10.0, "kill", "rtud"))
     assert len(lines_of(ran, b"rtud#2 begins")) == 1
@@ -220,6 +226,7 @@ def test_with_rtud_its_modules_are_killed(programs: Path, linesim_program: Path,
     assert max(float(line.split()[0]) for line in lines_of(ran, b" rtu-modbus-1#1 ")) <= killed_s
 
 
+@pytest.mark.slow
 def test_nothing_comes_through_a_cut(programs: Path, linesim_program: Path, folder: Path) -> None:
     ran = faulty(folder, Fault(10.0, "cut", f"{plant_world.PORT}", for_s=5.0))
     at_s = [told["at"] / 1e9 - 1000 for told in ran.told("consumer")]
@@ -233,6 +240,7 @@ def connections(ran: Run) -> list[float]:
     return [told["at"] / 1e9 - 1000 for told in up]
 
 
+@pytest.mark.slow
 def test_a_connection_that_is_lost_is_found_out_by_each_side(
     programs: Path, linesim_program: Path, folder: Path
 ) -> None:
@@ -244,6 +252,7 @@ def test_a_connection_that_is_lost_is_found_out_by_each_side(
     assert judge(ran) == []
 
 
+@pytest.mark.slow
 def test_a_centre_that_lost_power_comes_while_its_old_connection_is_there(
     programs: Path, linesim_program: Path, folder: Path
 ) -> None:
@@ -257,6 +266,7 @@ def test_a_centre_that_lost_power_comes_while_its_old_connection_is_there(
     assert judge(ran) == []
 
 
+@pytest.mark.slow
 def test_points_of_a_silent_device_are_invalid(programs: Path, linesim_program: Path, folder: Path) -> None:
     ran = faulty(folder, Fault(10.0, "silent", "1.2", for_s=10.0))
     bad = {told["point"] for told in ran.told("consumer") if told.get("quality") and told["at"] > 1010e9}
@@ -270,6 +280,7 @@ def answers_between(ran: Run, device: str, from_s: float, to_s: float) -> int:
     return within[-1] - within[0]
 
 
+@pytest.mark.slow
 def test_a_line_that_is_unplugged_answers_nothing(
     programs: Path, linesim_program: Path, folder: Path
 ) -> None:
@@ -282,6 +293,7 @@ def test_a_line_that_is_unplugged_answers_nothing(
     assert {point[0] for point in bad} == {"2"}
 
 
+@pytest.mark.slow
 def test_a_device_that_is_late_answers_behind_its_time(
     programs: Path, linesim_program: Path, folder: Path
 ) -> None:
@@ -303,6 +315,7 @@ def test_a_device_that_needs_a_pause_for_a_while(programs: Path, linesim_program
     assert judge(ran) == []
 
 
+@pytest.mark.slow
 def test_sessions_that_hang_and_that_are_closed(programs: Path, linesim_program: Path, folder: Path) -> None:
     """The devices behind a hung one are invalid for some seconds; those behind one that is closed are not."""
     faults = (Fault(10.0, "hung", "7"), Fault(30.0, "closing", "7", for_s=10.0))
@@ -316,6 +329,7 @@ def test_sessions_that_hang_and_that_are_closed(programs: Path, linesim_program:
     assert judge(ran) == []
 
 
+@pytest.mark.slow
 def test_the_calendar_clock_is_set(programs: Path, linesim_program: Path, folder: Path) -> None:
     """No connection ends, no point is bad; the judge knows each time tag."""
     faults = (Fault(20.0, "step", "clock", by_s=5000.0), Fault(35.0, "step", "clock", by_s=-9000.5))
@@ -333,6 +347,7 @@ def reloaded(programs: Path, linesim_program: Path, folder: Path) -> Run:
     return run_world(World(2, SECONDS, changes, faults), folder / "reloaded")
 
 
+@pytest.mark.slow
 def test_a_configuration_is_loaded_and_another(reloaded: Run) -> None:
     assert [line["kind"] for line in reloaded.told("reload")] == ["asked", "in force"] * 2
     good = {
@@ -450,6 +465,7 @@ def without_an_end(lines: Lines) -> None:
     lines[:] = [line for line in lines if line["kind"] != "progress" or line["order"] != 3]
 
 
+@pytest.mark.slow
 def test_commands_are_executed_and_answered(commanded: Run) -> None:
     ends = [line for line in commanded.told("consumer") if line.get("state") == 9]
     assert len(ends) > 5
@@ -556,6 +572,7 @@ def plant(*words: object) -> "subprocess.CompletedProcess[str]":
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.slow
 def test_one_seed_again_keeps_its_trace(programs: Path, linesim_program: Path, tmp_path: Path) -> None:
     result = plant("--seed", 3, "--hours", 0.04, "--out", tmp_path)
     assert result.returncode == 0, result.stdout + result.stderr

@@ -132,6 +132,7 @@ def test_quality_says_what_is_known(drive: Drive) -> None:
     assert drive.point("latitude")["quality"] == "good"
 
 
+@pytest.mark.slow
 def test_events_are_of_fixes_and_not_of_coordinates(programs: Path, directory: Path) -> None:
     """
     One that stands makes no event, though each coordinate trembles; one that drives does each 50 m. Nor does
@@ -152,6 +153,7 @@ def test_events_are_of_fixes_and_not_of_coordinates(programs: Path, directory: P
         assert len(kept) == 3
 
 
+@pytest.mark.slow
 def test_sentences_some_milliseconds_apart_are_one_fix_and_one_event(programs: Path, directory: Path) -> None:
     """As of a receiver whose RMC is of 20 ms after its GGA, and has no altitude."""
     with driving(programs, directory, topical_s=60) as drive:
@@ -161,6 +163,7 @@ def test_sentences_some_milliseconds_apart_are_one_fix_and_one_event(programs: P
             assert (drive.row()["fixes"], drive.row()["events"]) == (fixes, 1)
 
 
+@pytest.mark.slow
 def test_geofence_is_an_event_of_its_own(drive: Drive) -> None:
     drive.say(DEPOT)
     with Master(*drive.gateway.address) as master:
@@ -175,6 +178,7 @@ def test_geofence_is_an_event_of_its_own(drive: Drive) -> None:
     assert left.good
 
 
+@pytest.mark.slow
 def test_time_of_a_fix_is_the_receivers_where_the_clocks_agree(programs: Path, directory: Path) -> None:
     with (
         Receiver(directory / "dev/gps1") as receiver,
@@ -206,6 +210,7 @@ def test_time_of_a_fix_is_the_receivers_where_the_clocks_agree(programs: Path, d
         assert tag > begun - datetime.timedelta(minutes=1)  # of its arrival
 
 
+@pytest.mark.slow
 def test_receivers_of_one_process(programs: Path, directory: Path) -> None:
     """Each has its place and its fences; what cannot be is marked, and not dropped."""
     square = [[59.9, 10.7], [59.9, 10.8], [60.0, 10.8], [60.0, 10.7]]
@@ -238,6 +243,7 @@ def test_receivers_of_one_process(programs: Path, directory: Path) -> None:
         assert [(row["name"], row["jumps"]) for row in gateway.query("gps")] == [("bus", 0), ("tram", 1)]
 
 
+@pytest.mark.slow
 def test_damaged_lines_cost_themselves(drive: Drive) -> None:
     drive.say(DEPOT)
     drive.receiver.say(b"\xff\x00noise" + sentence("PGRMT,GPS 17N,,,,,,,,")[:-4] + b"\r\n$GPGGA,1,2,3\r\n")
@@ -260,6 +266,7 @@ def test_line_that_is_lost_comes_back(drive: Drive) -> None:
     assert drive.point("latitude")["quality"] == "good"
 
 
+@pytest.mark.slow
 def test_killed_module_has_no_position(drive: Drive) -> None:
     drive.say(DEPOT)
     pid = drive.gateway.modules()["rtu-gps"]["pid"]
@@ -281,6 +288,7 @@ def test_no_line_is_open_in_a_process_that_was_stopped(drive: Drive) -> None:
     drive.gateway.wait_for(lambda: drive.row()["open"], 30.0, "the line is open again")
 
 
+@pytest.mark.slow
 def test_position_that_a_reload_took_over_gets_old(drive: Drive) -> None:
     drive.say(DEPOT)
     pid = drive.gateway.modules()["rtu-gps"]["pid"]

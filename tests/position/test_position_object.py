@@ -21,6 +21,8 @@ from rig.asking import Asking
 from rig.centre import Centre
 from rig.dissector import FIELDS, dissected
 
+pytestmark = pytest.mark.slow
+
 POSITION = 200
 REQUEST, SPONTANEOUS, INTERROGATED = 5, 3, 20
 POSITION_TYPE, READ = 201, 102

@@ -89,6 +89,7 @@ def three_lines(err: str) -> dict[str, str]:
     return verdict
 
 
+@pytest.mark.slow
 def test_who_has_the_port_is_named_and_gets_no_octet(start: Start) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
@@ -104,6 +105,7 @@ def test_who_has_the_port_is_named_and_gets_no_octet(start: Start) -> None:
     assert re.search(r"make run-native PORT=\d+", verdict["probably"])
 
 
+@pytest.mark.slow
 @pytest.mark.sample(5)
 @pytest.mark.parametrize("port", ["0", "65536", "-1", "2404x", "http"])
 def test_port_that_is_none_is_wrong_usage(start: Start, port: str) -> None:

@@ -193,6 +193,7 @@ def late(programs: Path) -> Iterator[tuple[Gateway, socket.socket]]:
     remove(directory)
 
 
+@pytest.mark.slow
 def test_no_octet_goes_to_a_station_of_somebody_else(late: tuple[Gateway, socket.socket]) -> None:
     gateway, other = late
     with pytest.raises(GatewayError, match="rtu-iec104 does not stay up"):

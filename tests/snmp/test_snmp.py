@@ -217,6 +217,7 @@ def test_cyclic_data_waits_for_each_manager_until_it_has_taken_it(site: Site) ->
         manager.set({f"rtuPollCyclicTaken.{mine}": 1})
 
 
+@pytest.mark.slow
 def test_class_1_is_polled_by_number(site: Site) -> None:
     manager, row = site.manager(), list(USERS).index(CENTRE) + 1
     last = site.last()
@@ -258,6 +259,7 @@ def test_the_image_says_what_the_tables_say(site: Site) -> None:
 # ---- who may what --------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_versions_without_security_have_no_answer(site: Site) -> None:
     for version in ("1", "2c"):
         with pytest.raises(Silent):
@@ -306,6 +308,7 @@ def test_an_unknown_context_is_reported(site: Site, options: list[str], report: 
     assert manager.get(report, "rtuStationName.0") == [before + 1, b"OpenRTU"]
 
 
+@pytest.mark.slow
 def test_what_is_no_object_is_told_apart_from_what_has_no_instance(site: Site) -> None:
     """RFC 3416, 4.2.1."""
     table = oid("rtuCommandTable")
@@ -343,6 +346,7 @@ def test_what_managers_find_a_device_by(site: Site) -> None:
     assert [int(name.split(".")[-2]) for name in messages] == [1, 3, 4, 5, 6, 30, 31, 32]
 
 
+@pytest.mark.slow
 def test_the_agent_names_the_modules_of_its_objects(site: Site) -> None:
     """sysORTable (RFC 3418). Of SNMPv2-MIB and IF-MIB the name lies elsewhere than the objects."""
     manager = site.manager(WATCH)
@@ -367,6 +371,7 @@ def test_the_tables_of_users_and_views_are_not_there(site: Site) -> None:
 # ---- sizes ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.sample(3)
 @pytest.mark.parametrize("most", [484, 1472, 65507])
 def test_an_answer_is_no_longer_than_its_asker_takes(site: Site, most: int) -> None:
@@ -391,6 +396,7 @@ def test_a_bulk_of_many_repeaters_is_told_in_their_order(site: Site, repeaters: 
     assert len(told) == 2 * repeaters if repeaters < 80 else 100 < len(told) < repeaters
 
 
+@pytest.mark.slow
 def test_tshark_with_the_keys_reads_it(site: Site, tmp_path: Path) -> None:
     """A request and its answer, authentic by tshark's own reckoning, decrypted and decoded."""
     messages: list[bytes] = []

@@ -38,6 +38,8 @@ from rig.snmp import (
     site_of,
 )
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def site(programs: Path) -> Iterator[Site]:
@@ -76,7 +78,6 @@ def test_select_and_execute(site: Site) -> None:
     assert site.desk.lines.get("1.10", "coils", 0) == 0 or site.desk.lines.get("1.10", "coils", 1) == 1
 
 
-@pytest.mark.slow
 def test_an_interrupted_selection(site: Site) -> None:
     """Figure 3."""
     manager, before, mark = site.manager(), site.last(), site.desk.lines.mark()
@@ -89,7 +90,6 @@ def test_an_interrupted_selection(site: Site) -> None:
     assert site.writes(mark) == 0
 
 
-@pytest.mark.slow
 def test_a_refused_selection(site: Site) -> None:
     """Figure 4: a command from long ago."""
     manager, before = site.manager(), site.last()
@@ -101,7 +101,6 @@ def test_a_refused_selection(site: Site) -> None:
     assert manager.state(BREAKER) == INACTIVE
 
 
-@pytest.mark.slow
 def test_a_direct_command(site: Site) -> None:
     """Figure 5."""
     manager, before, mark = site.manager(), site.last(), site.desk.lines.mark()
@@ -175,7 +174,6 @@ def test_all_of_a_request_or_nothing(site: Site) -> None:
     assert (manager.state(LAMP), site.writes(mark)) == (INACTIVE, 0)
 
 
-@pytest.mark.slow
 def test_another_user_has_no_part_in_a_selection(site: Site) -> None:
     manager, other = site.manager(), site.manager(ENGINEER)
     manager.wish(BREAKER, SELECT, value=ON)
@@ -187,7 +185,6 @@ def test_another_user_has_no_part_in_a_selection(site: Site) -> None:
     site.wait_state(BREAKER, INTERRUPTED)
 
 
-@pytest.mark.slow
 def test_a_selection_ends_by_itself_and_is_released(site: Site) -> None:
     """In rtuctl, too."""
     manager, before = site.manager(), site.last()
@@ -198,7 +195,6 @@ def test_a_selection_ends_by_itself_and_is_released(site: Site) -> None:
     site.wait_state(BREAKER, INACTIVE)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("races", [10, pytest.param(1000, marks=pytest.mark.soak)])
 def test_of_several_managers_one_acts(site: Site, quick: Quick, races: int) -> None:
     """Two users of SNMP and a controlling station of IEC 60870-5-104 at a time: a write for each who acts."""
@@ -270,7 +266,6 @@ def freeze(site: Site, row: str, action: int, **more: int) -> None:
     assert manager.get(f"rtuFreezeState.{row}", f"rtuFreezeResult.{row}") == [EXECUTED, DONE]
 
 
-@pytest.mark.slow
 def test_a_manager_freezes_what_a_counter_interrogation_reads(site: Site) -> None:
     """And resets it: in both, and not in the meter."""
     manager = site.manager()
@@ -297,7 +292,6 @@ def load(site: Site, user: User, values: dict[str, int | bytes]) -> None:
     manager.set(spins | values)
 
 
-@pytest.mark.slow
 def test_parameters_of_a_request_are_in_force_together_or_not_at_all(site: Site) -> None:
     manager, before = site.manager(ENGINEER), site.last()
     low, high = LIMITS
@@ -324,7 +318,6 @@ def test_parameters_of_a_request_are_in_force_together_or_not_at_all(site: Site)
         assert state == [low, b"\x30", DONE]
 
 
-@pytest.mark.slow
 def test_limits_move_in_either_direction(site: Site) -> None:
     """The owner takes one after the other; the low one is never above the high one."""
     row = "2020.30005"
@@ -360,7 +353,6 @@ def clock_ms(site: Site) -> int:
     return int.from_bytes(octets, "big")
 
 
-@pytest.mark.slow
 def test_a_manager_sets_the_clock(site: Site) -> None:
     """With what its message was under way; an old message finds another number, and a viewer is refused."""
     before, hour = site.last(), 946_684_800_000 + 3_600_000  # in 2000
@@ -385,7 +377,6 @@ def test_a_manager_sets_the_clock(site: Site) -> None:
     set_clock(site, int(time.time() * 1000))
 
 
-@pytest.mark.slow
 def test_a_group_is_interrogated_as_iec104_does(site: Site) -> None:
     for group, ca in ((1, 1010), (2, 1010), (3, 2020)):
         rows = site.manager().rows("snmpbulkwalk", "-Cr40", f"{oid('rtuGroupData')}.{group}")
@@ -394,7 +385,6 @@ def test_a_group_is_interrogated_as_iec104_does(site: Site) -> None:
         assert seen == {report.ioa for report in site.desk.master.interrogate(ca, group)}
 
 
-@pytest.mark.slow
 def test_a_manager_sees_what_a_controlling_station_commands(site: Site) -> None:
     before = site.last()
     ca, ioa = map(int, LAMP.split("."))

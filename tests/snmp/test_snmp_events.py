@@ -11,6 +11,8 @@ import pytest
 from lab.manager import CENTRE, oid
 from rig.snmp import AT_ONCE, FIRST, METER, SINK_TIMEOUT_S, Quick, Site, site_of
 
+pytestmark = pytest.mark.slow
+
 GET_S = 0.05
 
 
@@ -54,7 +56,6 @@ def waited_s(pid: int | str) -> float:
     return int(Path(f"/proc/{pid}/schedstat").read_text().split()[1]) / 1e9
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seconds", [2, pytest.param(60, marks=pytest.mark.soak)])
 def test_a_sink_that_is_killed_gets_all_later_and_disturbs_nobody(
     site: Site, quick: Quick, seconds: int

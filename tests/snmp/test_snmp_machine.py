@@ -101,6 +101,7 @@ def fresh(site: Site, manager: Manager, number: int, which: int, value: int) -> 
 # ---- interfaces ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_each_interface_is_as_the_kernel_has_it(site: Site) -> None:
     """Others come and go on this machine meanwhile: of all that were there before and are there after."""
     manager = site.manager(WATCH)
@@ -151,6 +152,7 @@ def test_an_interface_has_what_others_graph(site: Site) -> None:
         assert said == [2**32 - 1, 10_000, DOWN, b"to the process bus"]
 
 
+@pytest.mark.slow
 @ours
 def test_times_are_of_the_moment(site: Site) -> None:
     """ifLastChange and its like are sysUpTime then, though nobody asked meanwhile."""
@@ -177,6 +179,7 @@ def test_times_are_of_the_moment(site: Site) -> None:
         assert last >= start
 
 
+@pytest.mark.slow
 @ours
 def test_a_link_that_changes_is_told(site: Site) -> None:
     """linkDown and linkUp with their three objects (RFC 2863), and the number of the event."""
@@ -226,6 +229,7 @@ def test_an_interface_that_comes_again_keeps_its_number(site: Site) -> None:
         assert all(again.get(name, index) == index for name, index in numbers.items())
 
 
+@pytest.mark.slow
 @ours
 def test_a_number_outlives_a_changed_configuration(site: Site) -> None:
     """The agent starts anew with it."""
@@ -351,6 +355,7 @@ def test_pysnmp_walks_the_same(site: Site) -> None:
     assert kinds == {"Counter64"}
 
 
+@pytest.mark.slow
 def test_all_roles_see_the_machine(site: Site) -> None:
     for user in USERS:
         assert site.manager(user).get(f"{INTERFACES}.1.0") != []

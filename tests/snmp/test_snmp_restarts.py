@@ -58,6 +58,7 @@ def restarted(site: Site) -> None:
     gateway.wait_for(lambda: gateway.modules()["rtu-snmp"]["restarts"] > before, 20.0, "it was restarted")
 
 
+@pytest.mark.slow
 def test_a_killed_agent_goes_on(site: Site) -> None:
     """Its numbers, its boots, and what a sink has not confirmed."""
     manager = site.manager()
@@ -103,6 +104,7 @@ def test_a_damaged_number_of_boots_keeps_the_agent_down(site: Site, left: bytes)
     assert site.manager().get("1.3.6.1.6.3.10.2.1.2.0") == [int(whole) + 1]
 
 
+@pytest.mark.slow
 def test_a_lost_number_of_boots_begins_beyond_all_before(site: Site) -> None:
     """Not at 1, where what somebody has kept of a former time would be new. The log says so."""
     gateway, file = site.desk.gateway, site.folder / "state/boots"
@@ -131,6 +133,7 @@ def begin_with(site: Site, boots: int) -> None:
     site.received.start()
 
 
+@pytest.mark.slow
 def test_a_receiver_that_lost_its_boots_is_discovered_anew(site: Site) -> None:
     """RFC 3414, 3.2, 7 b lets its reports be refused for ever; the log says what is seen."""
     for boots, value in ((40, 0), (1, 1)):

@@ -81,6 +81,7 @@ def test_idle_peer_keeps_nobody_out(substation: Substation) -> None:
     assert after["refused_too_many"] > before["refused_too_many"]
 
 
+@pytest.mark.slow
 def test_old_command_is_refused_before_the_clock_is_set(substation: Substation) -> None:
     """On a host whose own clock is synchronised the gateway's is set, and the command is too old."""
     now = datetime.datetime.now(datetime.UTC)

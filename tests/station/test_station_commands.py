@@ -209,6 +209,7 @@ COMMANDS = [
 each_command = pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("tagged", [False, True], ids=["", "tagged"])
 @each_command
 def test_confirmation_return_information_termination(
@@ -247,6 +248,7 @@ def test_every_master_sees_the_return_information(plant: Plant, master: RawMaste
         assert (seen.type, seen.cause, seen.body[:4]) == (30, RETURN_REMOTE, b"\x02\x00\x00\x01")
 
 
+@pytest.mark.slow
 def test_session_goes_on_while_the_device_is_slow(plant: Plant, master: RawMaster) -> None:
     plant.lines.fault(DEVICE, "delay", 80)
     master.request(C_SC, CA, PLAIN, b"\x01")
@@ -259,6 +261,7 @@ def test_session_goes_on_while_the_device_is_slow(plant: Plant, master: RawMaste
     ]
 
 
+@pytest.mark.sample(4)
 @each_command
 @pytest.mark.parametrize(
     ("fault", "tagged"),
@@ -326,6 +329,7 @@ PULSES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "ioa", "command", "seconds", "values"), PULSES)
 def test_pulse_is_terminated_after_its_end(
     plant: Plant, master: RawMaster, kind: int, ioa: int, command: int, seconds: float, values: list[bytes]
@@ -348,6 +352,7 @@ def test_pulse_is_terminated_after_its_end(
     assert [plant.coil(address) for address in (0, 2, 3, 10, 20)] == [0, 0, 0, 0, 0]
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(
     ("kind", "ioa", "command"),
     [
@@ -375,6 +380,7 @@ def test_what_cannot_be_carried_out_is_refused(
     assert plant.writes(mark) == []
 
 
+@pytest.mark.slow
 def test_no_other_command_while_a_pulse_runs(plant: Plant, master: RawMaster) -> None:
     master.request(C_SC, CA, SINGLE, bytes([SHORT | 1]))
     assert master.answer(C_SC).cause == ACT_CON
@@ -387,6 +393,7 @@ def test_no_other_command_while_a_pulse_runs(plant: Plant, master: RawMaster) ->
     assert receive(master, C_SC, ACT_TERM)[0].cause == ACT_CON
 
 
+@pytest.mark.slow
 def test_pulse_ends_though_the_master_has_gone(plant: Plant) -> None:
     with RawMaster(*plant.gateway.address) as master:
         master.request(C_SC, CA, SINGLE, bytes([SHORT | 1]))
@@ -395,6 +402,7 @@ def test_pulse_ends_though_the_master_has_gone(plant: Plant) -> None:
     plant.wait_coil(0, 0)
 
 
+@pytest.mark.slow
 def test_pulse_ends_though_the_station_was_killed(plant: Plant) -> None:
     with RawMaster(*plant.gateway.address) as master:
         master.request(C_SC, CA, SINGLE, bytes([LONG | 1]))
@@ -403,6 +411,7 @@ def test_pulse_ends_though_the_station_was_killed(plant: Plant) -> None:
     plant.wait_coil(0, 0)
 
 
+@pytest.mark.slow
 def test_pulse_ends_though_the_line_process_was_killed(plant: Plant, master: RawMaster) -> None:
     master.request(C_SC, CA, SINGLE, bytes([LONG | 1]))
     assert master.answer(C_SC).cause == ACT_CON
@@ -453,6 +462,7 @@ def test_pulse_of_unknown_fate_is_ended(plant: Plant, master: RawMaster) -> None
     assert_nothing_more(master, C_SC, 0.05)
 
 
+@pytest.mark.slow
 def test_end_of_a_pulse_is_tried_until_it_is_confirmed(plant: Plant, master: RawMaster) -> None:
     mark = plant.lines.mark()
     master.request(C_SC, CA, SINGLE, bytes([SHORT | 1]))
@@ -467,6 +477,7 @@ def test_end_of_a_pulse_is_tried_until_it_is_confirmed(plant: Plant, master: Raw
     wait_accepted(master, SINGLE)
 
 
+@pytest.mark.slow
 def test_pulse_that_is_not_answered_is_ended(plant: Plant, master: RawMaster) -> None:
     """The device has acted, and only its answer is lost: it is not left switched on."""
     plant.lines.fault(DEVICE, "corrupt", count=1)
@@ -504,6 +515,7 @@ def test_set_point_beyond_the_limits_is_refused(plant: Plant, master: RawMaster)
     assert plant.writes(mark) == []
 
 
+@pytest.mark.slow
 def test_step_needs_a_good_value(plant: Plant, master: RawMaster) -> None:
     mark = plant.lines.mark()
     plant.lines.fault(DEVICE, "exception", 2, 3)  # holding registers are not read any more
@@ -524,6 +536,7 @@ def test_step_of_an_object_without_steps_is_unknown(plant: Plant, master: RawMas
 # ---- select, test, time tag -------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_selection_binds_the_pulse(plant: Plant, master: RawMaster) -> None:
     mark = plant.lines.mark()
     assert refused(master, C_SC, SELECTED, bytes([SHORT | 1]))
@@ -546,6 +559,7 @@ def test_selection_of_a_step_is_deactivated(plant: Plant, master: RawMaster) -> 
     assert plant.writes(mark) == []
 
 
+@pytest.mark.sample(4)
 @each_command
 def test_test_bit_is_never_executed(
     plant: Plant,
@@ -571,6 +585,7 @@ def test_pulse_with_an_old_time_tag_is_refused(plant: Plant, master: RawMaster) 
 # ---- rtuctl -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_rtuctl_commands_are_local(plant: Plant, master: RawMaster) -> None:
     answer = plant.gateway.query("set", "p1.5.c0", "on", "--pulse", "short")
     assert answer["state"] == "executed command"
@@ -585,6 +600,7 @@ def test_rtuctl_commands_are_local(plant: Plant, master: RawMaster) -> None:
     assert (returned.type, returned.cause, returned.body[3:6]) == (35, RETURN_LOCAL, b"\x0a\x00\x00")
 
 
+@pytest.mark.slow
 def test_rtuctl_shows_a_confirmed_command(plant: Plant, master: RawMaster) -> None:
     def state(gateway: Gateway) -> tuple[str, str]:
         row = gateway.query("commands", "p1.5.c0")[0]

@@ -151,6 +151,7 @@ def test_reset_leaves_the_device_alone(desk: Desk, master: RawMaster) -> None:
     assert desk.lines.get(METER, "input_registers", 9) == 80_042 & 0xFFFF
 
 
+@pytest.mark.slow
 def test_overflow_is_carried(desk: Desk, master: RawMaster) -> None:
     count_to(desk, 10, 0xFFFF_FFFE)
     assert command(master, FREEZE_RESET | GENERAL) == [ACT_CON, ACT_TERM]  # CA of the fall is read with it
@@ -206,6 +207,7 @@ def test_all_stations_freeze(desk: Desk, master: RawMaster) -> None:
     assert read_totals(master)[IMPORTED].sequence == (before[IMPORTED].sequence + 1) % 32
 
 
+@pytest.mark.slow
 def test_c104_reads_and_freezes(desk: Desk, master: RawMaster) -> None:
     before = read_totals(master)
     assert desk.master.interrogate_counters(METER_CA, c104.Frz.FREEZE_WITHOUT_RESET) == []
@@ -229,6 +231,7 @@ def kill_and_wait(desk: Desk, module: str) -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", ["rtu-modbus-1", "rtu-iec104"])
 def test_totals_survive_a_kill(desk: Desk, module: str) -> None:
     count_to(desk, 8, 90_000)
@@ -244,6 +247,7 @@ def test_totals_survive_a_kill(desk: Desk, module: str) -> None:
         assert read_totals(master)[IMPORTED] == Reading(11, (before[IMPORTED].sequence + 1) % 32)
 
 
+@pytest.mark.slow
 def test_freeze_without_the_owner_is_negative(desk: Desk, master: RawMaster) -> None:
     before = read_totals(master)
     pid = desk.gateway.modules()["rtu-modbus-1"]["pid"]
@@ -424,6 +428,7 @@ def tag_of_an_event(substation: Substation, master: RawMaster, value: int) -> by
                 return element[-7:]
 
 
+@pytest.mark.slow
 def test_time_tags_are_of_the_zone(berlin: Substation) -> None:
     with RawMaster(*berlin.gateway.address) as master:
         for value, when in enumerate((WINTER, SUMMER, FIRST_TWO, SECOND_TWO), 4001):
@@ -473,6 +478,7 @@ def test_log_says_why_and_what_takes_it(berlin: Substation) -> None:
     assert "refuses a time: its bit SU is not that of timezone; see ignore_summer_bit" in berlin.gateway.log()
 
 
+@pytest.mark.slow
 def test_a_master_without_the_summer_bit_is_taken_by_its_key(programs: Path) -> None:
     """In the hour that comes twice, the time is the one that is nearer to the gateway's clock."""
     config = chapter_5() | {"timezone": "CET-1CEST,M3.5.0,M10.5.0/3", "iec104": {"ignore_summer_bit": True}}
@@ -523,6 +529,7 @@ def assert_initialised(master: RawMaster, stations: set[int], cause: int) -> Non
     }
 
 
+@pytest.mark.slow
 def test_end_of_initialisation_and_reset(fresh: Substation) -> None:
     gateway = fresh.gateway
     stations = {point["ca"] for point in gateway.points().values()}
@@ -565,6 +572,7 @@ def test_end_of_initialisation_and_reset(fresh: Substation) -> None:
             fresh.wait_all_good(ca)
 
 
+@pytest.mark.slow
 def test_reset_with_another_qualifier_is_refused(master: RawMaster) -> None:
     for qualifier in (0, 3, 255):
         master.request(C_RP, STATION, 0, bytes([qualifier]))

@@ -9,6 +9,8 @@ import pytest
 
 from rig.dissector import BITS, FIELDS, ROOT, dissected
 
+pytestmark = pytest.mark.slow
+
 PAGE = ROOT / "docs" / "positioning.md"
 
 # The octets of test_geoposition.c.
@@ -70,7 +72,6 @@ def test_tshark_says_what_has_a_wrong_size(octets: bytes, tmp_path: Path) -> Non
     assert (ioa, wrong) == ("", "1")
 
 
-@pytest.mark.slow
 def test_another_type_of_the_private_range(tmp_path: Path) -> None:
     apdu = i_frame(bytes((150,)) + IDENTIFIER[1:] + bytes((1, 0, 0)) + WARSAW)
     assert dissected(apdu, tmp_path)[0][0] == ""

@@ -101,6 +101,7 @@ def test_unacknowledged_events_survive(
     assert queue(gateway, name)["lost"] == 0
 
 
+@pytest.mark.slow
 def test_reconnection_at_once_finds_its_queue(substation: Substation) -> None:
     """The former one's last frame, its end and the next STARTDT may be there at the same time."""
     gateway, source = substation.gateway, "127.0.0.70"
@@ -171,6 +172,7 @@ def test_switch_over_after_a_silent_failure(substation: Substation) -> None:
     assert counters(gateway)["closed_taken_over"] == before["closed_taken_over"] + 2
 
 
+@pytest.mark.slow
 def test_orderly_switch_over(substation: Substation) -> None:
     """STOPDT on one connection, STARTDT on another, over and over: both stay, each event comes once."""
     gateway = substation.gateway
@@ -378,6 +380,7 @@ def test_other_originators_are_refused(programs: Path) -> None:
 # ---- rtuctl ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_rtuctl_shows_what_was_on_the_wire(substation: Substation) -> None:
     gateway = substation.gateway
     empty(gateway, "Control centre", MAIN)

@@ -152,6 +152,7 @@ def test_a_group_is_of_all_devices(master: RawMaster, group: int) -> None:
     assert sorted(ioa for ioa, _ in found) == expected
 
 
+@pytest.mark.slow
 def test_c104_interrogates_all_devices(desk: Desk) -> None:
     assert sorted(report.ioa for report in desk.master.interrogate(CA)) == addresses(MEASURED)
     for group, ioa in OF_GROUP.items():
@@ -174,6 +175,7 @@ def test_a_broadcast_is_confirmed_and_ended_once_by_each_station(master: RawMast
     assert seen == Counter((ca, ioa) for ca in (CA, OTHER) for ioa in addresses(wanted, ca))
 
 
+@pytest.mark.slow
 def test_c104_interrogates_all_stations(desk: Desk) -> None:
     found = [(report.ca, report.ioa) for report in desk.master.interrogate_all(CA, OTHER)]
     assert sorted(found) == [(ca, ioa) for ca in (CA, OTHER) for ioa in addresses(MEASURED, ca)]
@@ -186,6 +188,7 @@ def freeze(master: RawMaster, qualifier: int) -> None:
     assert procedure(master, C_CI, qualifier, COUNTERS) == []
 
 
+@pytest.mark.slow
 def test_a_freeze_is_of_all_devices_and_of_no_other_station(desk: Desk, master: RawMaster) -> None:
     freeze(master, RESET | GENERAL)
     for device in DEVICES:
@@ -235,6 +238,7 @@ def test_a_group_of_counters_is_of_the_devices_that_have_it(master: RawMaster) -
     assert all(after[ioa][1] == (before[ioa][1] + 1) % 32 for ioa in after if ioa != one)
 
 
+@pytest.mark.slow
 def test_half_a_freeze_is_none(desk: Desk, master: RawMaster) -> None:
     """One of the two processes that the station's counters belong to does not answer."""
     before = totals(master)
@@ -349,6 +353,7 @@ def test_parameters_are_of_one_device_and_interrogated_of_all(desk: Desk, master
         assert load(master, device, THRESHOLD, 0) == ACT_CON
 
 
+@pytest.mark.slow
 def test_parameters_of_the_other_types_are_of_one_device_as_well(programs: Path) -> None:
     """Of normalized and float values, which the devices above do not have."""
     config = configuration()
@@ -381,6 +386,7 @@ def test_parameters_of_the_other_types_are_of_one_device_as_well(programs: Path)
         assert loaded == [CA] * len(wanted)
 
 
+@pytest.mark.slow
 def test_cyclic_transmission_is_stopped_of_one_device(master: RawMaster) -> None:
     stopped = LEVEL + offset("1.7")
     master.request(P_AC, CA, stopped, b"\x03", cause=DEACT)
@@ -441,6 +447,7 @@ def test_the_points_of_a_dead_device_are_invalid_and_no_others(
     assert qualities(master) == {one: {False} for one in SHARED}
 
 
+@pytest.mark.slow
 def test_the_end_of_initialisation_is_said_once_for_each_address(programs: Path) -> None:
     with substation_of(configuration(), programs) as fresh, RawMaster(*fresh.gateway.address) as master:
         ends = [master.answer(M_EI) for _ in range(2)]

@@ -113,6 +113,7 @@ def test_lib60870_through_tls(gateway: TlsGateway, pki: Pki, version: str) -> No
         interrogate_with_lib60870(port)
 
 
+@pytest.mark.slow
 @pytest.mark.sample(3)
 @pytest.mark.parametrize(
     "suite",
@@ -168,6 +169,7 @@ def test_expired(gateway: TlsGateway, pki: Pki) -> None:
     assert_refused(gateway, context, 'certificate has expired: "old centre"')
 
 
+@pytest.mark.slow
 def test_weak_key(gateway: TlsGateway, pki: Pki) -> None:
     context = pki.client(pki.ours.issue("weak centre", key="-newkey rsa:1024"), weak=True)
     assert_refused(gateway, context, 'EE certificate key too weak: "weak centre"')
@@ -201,6 +203,7 @@ def test_version_that_is_not_configured(pki: Pki, programs: Path, version: str) 
             assert len(master.interrogate(STATION).objects) == POINTS
 
 
+@pytest.mark.slow
 def test_only_listed_masters(pki: Pki, programs: Path) -> None:
     second, third = pki.ours.issue("centre 2"), pki.ours.issue("centre 3")
     with gateway_with(pki, programs, masters=["centre 1", second.fingerprint]) as gateway:
@@ -212,6 +215,7 @@ def test_only_listed_masters(pki: Pki, programs: Path) -> None:
             assert_refused(gateway, context, 'not in the list of masters: "centre 3"')
 
 
+@pytest.mark.slow
 def test_revoked(pki: Pki, programs: Path) -> None:
     lost = pki.ours.issue("lost centre")
     with gateway_with(pki, programs, crl=str(pki.ours.revoke(lost))) as gateway:
@@ -254,6 +258,7 @@ def test_keys_are_changed_on_request(gateway: TlsGateway) -> None:
         peer.stdin.close()
 
 
+@pytest.mark.slow
 def test_refusals_cannot_flood_the_log(pki: Pki, programs: Path) -> None:
     peers = 1000
     with gateway_with(pki, programs) as gateway:
@@ -358,6 +363,7 @@ def test_peers_that_hang_in_the_handshake(gateway: TlsGateway, pki: Pki) -> None
         assert len(master.interrogate(STATION).objects) == POINTS
 
 
+@pytest.mark.slow
 def test_many_that_hang_keep_nobody_out(pki: Pki, programs: Path) -> None:
     with gateway_with(pki, programs) as gateway, contextlib.ExitStack() as stack:
         begun = time.monotonic()
@@ -511,6 +517,7 @@ def test_file_with_something_else(pki: Pki, programs: Path, name: str, tmp_path:
         remove(folder)
 
 
+@pytest.mark.slow
 def test_key_with_a_passphrase(pki: Pki, programs: Path) -> None:
     station = pki.ours.issue_for_station("substation 12")
     station.key.chmod(0o600)

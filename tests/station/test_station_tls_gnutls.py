@@ -15,6 +15,8 @@ from peers.authority import Identity
 from peers.gnutls import GnuTls, GnuTlsError
 from peers.tls_gateway import WAITS_S, TlsGateway, gateway_with, interrogate_with_lib60870, public_keys
 
+pytestmark = pytest.mark.slow
+
 RENEWAL_S = 10
 VERSIONS = {"1.2": "NORMAL:-VERS-ALL:+VERS-TLS1.2", "1.3": "NORMAL:-VERS-ALL:+VERS-TLS1.3"}
 
@@ -146,7 +148,6 @@ def test_stranger_is_refused(gateway: TlsGateway) -> None:
     gateway.wait_log("refused, shows no certificate$")
 
 
-@pytest.mark.slow
 def test_keys_are_renewed_by_both(renewing: TlsGateway) -> None:
     """By GnuTLS when it likes, by the station in its time; every octet is there."""
     with connected(renewing, VERSIONS["1.3"]) as connection:

@@ -32,6 +32,8 @@ from peers.tls_gateway import (
     received,
 )
 
+pytestmark = pytest.mark.slow
+
 RENEWAL_S = 10  # the shortest that may be configured
 FILES_S = 5.0  # how often the station looks at its files
 SEEN_S = FILES_S + 5.0
@@ -69,7 +71,6 @@ def renewals(gateway: TlsGateway) -> int:
     return len(re.findall(r"its keys are renewed$", gateway.log(1000), re.MULTILINE))
 
 
-@pytest.mark.slow
 def test_keys_are_renewed_in_tls_1_3(renewing: TlsGateway, tmp_path: Path) -> None:
     """Both sides change theirs, twice, as s_client tells; every octet is there before, between and after."""
     messages, pki = tmp_path / "messages", renewing.pki
@@ -95,7 +96,6 @@ def test_keys_are_renewed_in_tls_1_3(renewing: TlsGateway, tmp_path: Path) -> No
         peer.stdin.close()
 
 
-@pytest.mark.slow
 def test_interrogations_go_on_while_keys_are_renewed(renewing: TlsGateway) -> None:
     """Sequence numbers are checked by the controlling station: no frame is lost or repeated."""
     until = time.monotonic() + 1.2 * RENEWAL_S
@@ -105,7 +105,6 @@ def test_interrogations_go_on_while_keys_are_renewed(renewing: TlsGateway) -> No
     renewing.wait_log("its keys are renewed$")
 
 
-@pytest.mark.slow
 def test_keys_wait_for_a_peer_that_does_not_read(renewing: TlsGateway) -> None:
     """A record that is half written when its keys are too old is finished with the old ones."""
     context = renewing.pki.client(version="1.3")
@@ -128,7 +127,6 @@ def test_keys_wait_for_a_peer_that_does_not_read(renewing: TlsGateway) -> None:
         slow.close()
 
 
-@pytest.mark.slow
 def test_connection_of_tls_1_2_is_closed_in_order_and_resumed(renewing: TlsGateway) -> None:
     context = renewing.pki.client(version="1.2")
     begun = time.monotonic()
@@ -160,7 +158,6 @@ def place(content: bytes, file: Path) -> None:
     beside.rename(file)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("version", VERSIONS)
 def test_revoked_while_connected(pki: Pki, programs: Path, version: str) -> None:
     lost = pki.ours.issue("lost centre")
@@ -190,7 +187,6 @@ def test_revoked_while_connected(pki: Pki, programs: Path, version: str) -> None
         assert is_alive(staying)
 
 
-@pytest.mark.slow
 def test_outdated_list_lets_nobody_in_and_ends_nobody(pki: Pki, programs: Path) -> None:
     crl, context = str(pki.ours.revoke(seconds=4)), pki.client(version="1.3")
     with (
@@ -208,7 +204,6 @@ def test_outdated_list_lets_nobody_in_and_ends_nobody(pki: Pki, programs: Path) 
         assert is_alive(new) and is_alive(staying)
 
 
-@pytest.mark.slow
 def test_own_certificate_is_exchanged(pki: Pki, programs: Path) -> None:
     """The key a look later than the certificate: what does not fit together is not in force."""
     new = pki.ours.issue_for_station("substation 7 anew", days=300)
@@ -225,7 +220,6 @@ def test_own_certificate_is_exchanged(pki: Pki, programs: Path) -> None:
         assert is_alive(staying)
 
 
-@pytest.mark.slow
 def test_chain_of_a_resumed_connection_is_still_known(pki: Pki, programs: Path) -> None:
     """A resumption shows no certificates; the second look is at those of the session's beginning."""
     region = Authority(pki.ours.folder / "region", "Region CA", above=pki.ours)
@@ -249,7 +243,6 @@ def test_chain_of_a_resumed_connection_is_still_known(pki: Pki, programs: Path) 
 # ---- dates ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 def test_certificate_that_expires_while_connected(pki: Pki, programs: Path) -> None:
     until = datetime.now(UTC).replace(microsecond=0) + timedelta(seconds=6)
     short = pki.ours.issue("short centre", until=until)
@@ -284,7 +277,6 @@ def test_certificate_of_tomorrow_tells_whose_clock_is_wrong(pki: Pki, programs: 
 # ---- cost -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 def test_looking_at_files_takes_no_time(pki: Pki, programs: Path) -> None:
     crl = str(pki.ours.revoke())
     with gateway_with(pki, programs, crl=crl) as gateway, connected(gateway, pki.client()) as connection:

@@ -156,6 +156,7 @@ def test_wrong_send_number_closes(master: Bare, number: int) -> None:
     master.closed()
 
 
+@pytest.mark.slow
 def test_stop_waits_for_acknowledgements_and_bears_a_late_one(master: Bare) -> None:
     master.ask(probe(), probe())
     master.asdu(), master.asdu()
@@ -171,6 +172,7 @@ def test_stop_waits_for_acknowledgements_and_bears_a_late_one(master: Bare) -> N
     master.closed()
 
 
+@pytest.mark.slow
 def test_one_frame_at_a_time(slow_master: Bare) -> None:
     """k = w = 1: the station waits for each acknowledgement, gives each at once, and does not close."""
     slow_master.ask(interrogation(STATION))
@@ -374,6 +376,7 @@ def test_read_is_answered_with_data_alone(usual: Substation, master: Bare) -> No
     assert until_answer(master, C_TS)[2] == ACT_CON
 
 
+@pytest.mark.slow
 def test_originator_is_not_in_spontaneous_data(usual: Substation, master: Bare) -> None:
     master.ask(asdu(C_RD, REQUEST, STATION, 30002, b"", originator=9))
     assert until_answer(master, 11)[3] == 9
@@ -409,6 +412,7 @@ def test_execute_of_another_value_or_originator_is_refused(usual: Substation, ma
     assert not [f for f in usual.lines.frames(mark) if f.unit == 10 and f.bytes and f.bytes[1] in (5, 15)]
 
 
+@pytest.mark.slow
 def test_selection_ends_after_its_time(narrow: Substation, slow_master: Bare) -> None:
     """Another may select when the time is over, and not before; the first can no longer execute."""
     assert answer_to_breaker(slow_master, breaker(2, select=True)) == ACT_CON
@@ -427,6 +431,7 @@ def test_selection_ends_after_its_time(narrow: Substation, slow_master: Bare) ->
 # ---- 11: values -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("raw", [0x8000, 0x4000, 0x7FFF, 0xFFFF, 0])
 def test_normalized_value_is_the_register(usual: Substation, master: Bare, raw: int) -> None:
     """-1.0, 0.5, the largest, the smallest negative, zero (101, 7.2.6.6)."""
@@ -442,6 +447,7 @@ def test_normalized_value_is_the_register(usual: Substation, master: Bare, raw: 
     usual.gateway.wait_for(lambda: read() == expected, 60.0, "the register's new value")
 
 
+@pytest.mark.slow
 @pytest.mark.sample(3)
 @pytest.mark.parametrize(
     "border",

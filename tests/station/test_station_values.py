@@ -11,6 +11,8 @@ import pytest
 from lab.raw_master import Asdu, RawMaster
 from rig.desk import Desk, chapter_5, desk_of, of_port
 
+pytestmark = pytest.mark.slow
+
 M_ME_NA, M_ME_NB, M_ME_ND, M_ME_TE, C_IC, C_RD = 9, 11, 21, 35, 100, 102
 SPONTANEOUS, REQUEST, ACT_CON, ACT_TERM, INTROGEN, NEGATIVE = 3, 5, 7, 10, 20, 0x40
 RELAY, RELAY_CA = "1.10", 1010
@@ -208,7 +210,6 @@ def test_value_that_a_device_does_not_give_now_is_old(desk: Desk, master: RawMas
     desk.wait_all_good(RELAY_CA)
 
 
-@pytest.mark.slow
 def test_value_that_a_device_refuses_is_invalid(desk: Desk, master: RawMaster) -> None:
     """Whatever it says before; and what is invalid does not become old."""
     desk.lines.fault(RELAY, "exception", 6, READ_REGISTERS)

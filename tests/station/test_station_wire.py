@@ -279,6 +279,7 @@ def test_frames_may_come_octet_by_octet(connection: socket.socket) -> None:
     assert received(connection, 12) == TESTFR_CON + STARTDT_CON
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "octets",
     [
@@ -296,6 +297,7 @@ def test_protocol_errors_close_the_connection(desk: Desk, connection: socket.soc
     assert len(desk.master.interrogate(STATION)) == 13  # the others stay
 
 
+@pytest.mark.slow
 def test_sender_waits_at_k_and_goes_on_after_an_acknowledgement(
     desk: Desk, connection: socket.socket
 ) -> None:
@@ -324,6 +326,7 @@ def collect_frames(connection: socket.socket, until: Callable[[list[bytes]], boo
 # ---- hostile peers ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_peer_cannot_flood_the_log(desk: Desk, connection: socket.socket) -> None:
     before = desk.gateway.log_file.stat().st_size
     starts = 10_000

@@ -51,6 +51,7 @@ def test_bash(script: Path, tmp_path: Path, typed: str, completed: str) -> None:
     assert (done.stdout, done.stderr) == (f"{completed}\n", "")
 
 
+@pytest.mark.slow
 def test_zsh_has_each_subcommand() -> None:
     done = subprocess.run([OPENRTU, "--completion", "zsh"], capture_output=True, text=True, check=True)
     assert done.stdout.startswith("#compdef openrtu\n")

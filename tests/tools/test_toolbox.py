@@ -467,6 +467,7 @@ def test_octets_are_printed_with_their_times(said: Said) -> None:
     assert re.fullmatch(shown, complaints)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("answer", "says"),
     [
@@ -491,6 +492,7 @@ def test_what_is_wrong_is_said(said: Said, answer: bytes, says: str) -> None:
     assert complaints.startswith("openrtu read: ")
 
 
+@pytest.mark.slow
 def test_a_write_that_is_not_answered_may_have_been_done(said: Said) -> None:
     with Strange() as strange:
         code, rows, complaints = said("write", strange.place, "--rtu", "-u", 5, "h16", 7, timeout_s=SHORT_S)
@@ -513,6 +515,7 @@ def test_a_write_that_cannot_be_read_back_was_confirmed(said: Said) -> None:
     assert "the device confirmed the write, but: unit 5 refuses the read" in complaints
 
 
+@pytest.mark.slow
 def test_a_broadcast_is_sent_and_nobody_is_waited_for(said: Said) -> None:
     with Strange() as strange:
         code, rows, _ = said("write", strange.place, "--rtu", "-u", 0, "h16", 7, timeout_s=SHORT_S)
@@ -540,6 +543,7 @@ def mbap(transaction: int, body: str) -> bytes:
     return transaction.to_bytes(2) + bytes(2) + len(octets).to_bytes(2) + octets
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("answer", "says"),
     [
@@ -638,6 +642,7 @@ def test_a_port_is_set_as_it_is_said(
 # ---- who has the line ------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_line_of_the_gateway_is_refused(programs: Path, said: Said) -> None:
     """And is free again when it has ended."""
     directory = run_directory()
@@ -760,6 +765,7 @@ def test_poll_prints_what_changes_and_ends_with_statistics(tcp: tuple[Device, li
     assert float(found[3]) <= float(found[4]) <= float(found[5])
 
 
+@pytest.mark.slow
 def test_poll_goes_on_when_a_device_comes_back(said: Said) -> None:
     port = free_port()
     device = PymodbusDevice(port)
@@ -779,6 +785,7 @@ def test_poll_goes_on_when_a_device_comes_back(said: Said) -> None:
     device.stop()
 
 
+@pytest.mark.slow
 def test_poll_leaves_a_connection_that_hangs(said: Said) -> None:
     """It answers nothing any more, and a new one works."""
     listener = socket.create_server(("127.0.0.1", 0))
@@ -806,6 +813,7 @@ def test_poll_leaves_a_connection_that_hangs(said: Said) -> None:
     assert "6 requests in" in complaints
 
 
+@pytest.mark.slow
 def test_poll_ends_by_itself_and_says_that_nothing_was_answered(said: Said) -> None:
     with Strange() as strange:
         words = [strange.place, "--rtu", "-u", 5, "h16", "--times", 2, "--period", 0]
@@ -816,6 +824,7 @@ def test_poll_ends_by_itself_and_says_that_nothing_was_answered(said: Said) -> N
     assert "2 not answered" in complaints
 
 
+@pytest.mark.slow
 def test_a_late_answer_is_not_the_next_ones(said: Said) -> None:
     """The second request waits until no answer to the first can come."""
     listener = socket.create_server(("127.0.0.1", 0))

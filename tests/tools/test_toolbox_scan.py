@@ -98,6 +98,7 @@ class Scripted:
 # ---- what is found ---------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_device_of_a_line_is_found(
     ends: tuple[Path, Path], scanned: Callable[..., Scanned], programs: Path, tmp_path: Path
 ) -> None:
@@ -243,6 +244,7 @@ def test_what_speaks_no_modbus_is_said(scanned: Callable[..., Scanned]) -> None:
     assert said.endswith("nothing answered\n")
 
 
+@pytest.mark.slow
 def test_nobody_is_there(ends: tuple[Path, Path], scanned: Callable[..., Scanned]) -> None:
     ours, its = ends
     with Scripted(its, lambda _: b"") as nobody:
@@ -255,6 +257,7 @@ def test_nobody_is_there(ends: tuple[Path, Path], scanned: Callable[..., Scanned
 # ---- a line that others use ------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_nothing_is_sent_where_another_master_speaks(
     ends: tuple[Path, Path], scanned: Callable[..., Scanned]
 ) -> None:
@@ -281,6 +284,7 @@ def test_nothing_is_sent_where_another_master_speaks(
     assert "likely cause: another master is on the line" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strange", [rtu("c8 03 02 0000"), rtu("09 03 0000 0001") + rtu("09 03 02 0000")])
 def test_a_scan_ends_when_another_master_begins(
     ends: tuple[Path, Path], scanned: Callable[..., Scanned], strange: bytes
@@ -294,6 +298,7 @@ def test_a_scan_ends_when_another_master_begins(
     assert len(peer.requests) < 9
 
 
+@pytest.mark.slow
 def test_a_slow_device_is_found_though_it_answers_late(
     ends: tuple[Path, Path], scanned: Callable[..., Scanned]
 ) -> None:
@@ -308,6 +313,7 @@ def test_a_slow_device_is_found_though_it_answers_late(
     assert {request[0] for request in peer.requests} == {5, 6}
 
 
+@pytest.mark.slow
 def test_what_is_damaged_is_said_and_the_scan_goes_on(
     ends: tuple[Path, Path], scanned: Callable[..., Scanned]
 ) -> None:

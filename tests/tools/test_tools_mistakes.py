@@ -179,6 +179,7 @@ def test_users_that_are_no_text(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert "web.users: this is not UTF-8 text" in said
 
 
+@pytest.mark.slow
 def test_a_pipe_that_ends_is_no_traceback(tmp_path: Path) -> None:
     (tmp_path / "points.csv").write_text(HEAD)
     (tmp_path / "lines.json").write_text(json.dumps({"port": [{"value": n} for n in range(50_000)]}))

@@ -107,6 +107,7 @@ def test_points_are_searched_and_shown_in_parts(viewer: Client) -> None:
     assert viewer.rows("/api/points?from=1000") == []
 
 
+@pytest.mark.slow
 def test_points_that_are_not_good_are_alarms(page: Page, viewer: Client) -> None:
     def bad() -> set[str]:
         return {row["name"] for row in viewer.rows("/api/points?bad=1")}
@@ -143,6 +144,7 @@ def test_session(page: Page) -> None:
     assert client.ask("/api/points").status == 401
 
 
+@pytest.mark.slow
 def test_passwords_are_not_guessed(page: Page) -> None:
     stranger = page.client()
     wrong = stranger.log_in("viewer", "wrong password")
@@ -165,6 +167,7 @@ def users(page: Page, name: str, *words: str) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", [("--remove",), ("--role", "viewer"), ("--role", "operator")])
 def test_who_is_changed_or_removed_is_out_soon(page: Page, change: tuple[str, ...]) -> None:
     """A new password ends sessions, too."""
@@ -178,6 +181,7 @@ def test_who_is_changed_or_removed_is_out_soon(page: Page, change: tuple[str, ..
     assert other.ask("/api/points").status == 200
 
 
+@pytest.mark.slow
 def test_a_second_factor_is_asked_for_and_each_code_is_good_once(page: Page) -> None:
     said = users(page, "yves", "--role", "viewer", "--second-factor")
     app = pyotp.parse_uri(said.strip())
@@ -200,6 +204,7 @@ def test_a_second_factor_is_asked_for_and_each_code_is_good_once(page: Page) -> 
     assert page.client("yves").ask("/api/points").status == 200
 
 
+@pytest.mark.slow
 def test_users_of_a_centre_come_in(page: Page, tmp_path: Path) -> None:
     """With their passwords, roles and second factors; who does not see the station does not."""
     centre = tmp_path / "centre.json"
@@ -576,6 +581,7 @@ def test_a_new_certificate_needs_no_restart(page: Page) -> None:
     (page.folder / "web.pem").write_text(in_force)
 
 
+@pytest.mark.slow
 def test_a_file_of_users_that_is_gone_is_a_file_without_users(page: Page) -> None:
     """But not at once: whoever exchanges it takes the old one away first. All sessions of above end here."""
     file = page.folder / "web.users"
@@ -612,6 +618,7 @@ def test_another_process_knows_nobody(page: Page) -> None:
 # ---- what the file says
 
 
+@pytest.mark.slow
 def test_without_the_key_the_page_is_read_only(programs: Path) -> None:
     with page_of(programs) as page:
         operator = page.client("operator")
@@ -656,6 +663,7 @@ def users_tool(file: Path, *words: str, password: str = PASSWORD) -> subprocess.
     )
 
 
+@pytest.mark.slow
 def test_users_file(tmp_path: Path) -> None:
     file = tmp_path / "web.users"
     make_user(file, "anna", "viewer")
@@ -673,6 +681,7 @@ def test_users_file(tmp_path: Path) -> None:
     assert [line.split()[0] for line in file.read_text().splitlines()] == ["anna"]
 
 
+@pytest.mark.slow
 @pytest.mark.sample(4)
 @pytest.mark.parametrize(
     ("words", "password", "message"),
