@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* The runner: starts the processes of a plant, writes its trace, ends it. Itself it is not in it. */
+#include <arpa/inet.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
@@ -46,6 +47,7 @@ static const char help[] =
     "  lose     PORT TIME                nothing of its connections arrives any more; new ones can be made\n"
     "  delay    PORT LEAST MOST          what is sent over the TCP port is on its way so long, and longer if "
     "it is lost\n"
+    "  host     NAME ADDRESS             it connects from this IPv4 address, and not from 127.0.0.1\n"
     "  step     TIME BY                  the calendar clock goes forward by that, or back if it is below 0\n"
     "\n"
     "Exit codes: 0 the end came, 1 a process ended by a fault of its own, or all are "
@@ -140,6 +142,19 @@ static void add_delay(char *words[])
 	plant->delays[plant->delay_count++] = delay;
 }
 
+static void add_host(char *words[])
+{
+	struct plant_host *host = &plant->hosts[plant->host_count];
+	struct in_addr address;
+
+	if (plant->host_count == PLANT_HOSTS || !words[1] || !words[2] ||
+	    inet_pton(AF_INET, words[2], &address) != 1)
+		give_up(WRONG_USAGE, words[0], "expected a name and an IPv4 address");
+	snprintf(host->name, sizeof(host->name), "%s", words[1]);
+	host->address = ntohl(address.s_addr);
+	plant->host_count++;
+}
+
 static void add_step(char *words[])
 {
 	const bool back = words[2] && words[2][0] == '-';
@@ -181,6 +196,8 @@ static void take_line(char *line)
 		add_loss(words);
 	else if (strcmp(words[0], "delay") == 0)
 		add_delay(words);
+	else if (strcmp(words[0], "host") == 0)
+		add_host(words);
 	else if (strcmp(words[0], "step") == 0)
 		add_step(words);
 	else

@@ -16,6 +16,7 @@
 
 #define FIRST_PORT 49152 /* of those that connect */
 #define NAME       "plant-%u:%u"
+#define FROM       "@%08x" /* behind the name of one that connects */
 
 enum link_state { LINK_UNKNOWN, LINK_NONE, LINK_KNOWN };
 
@@ -34,39 +35,57 @@ static struct link *link_of(int fd)
 	return &links[fd >= 0 && fd < CLIENT_FDS ? fd : 0];
 }
 
-static socklen_t put_name(struct sockaddr_un *name, uint16_t port)
+struct place {
+	uint16_t port; /* 0: none of the plant's TCP */
+	uint32_t address;
+};
+
+/* address 0: of one that listens. */
+static socklen_t put_name(struct sockaddr_un *name, uint16_t port, uint32_t address)
 {
+	char *text = name->sun_path + 1;
+	const size_t room = sizeof(name->sun_path) - 1;
+	int size;
+
 	*name = (struct sockaddr_un){.sun_family = AF_UNIX};
-	return (socklen_t)(offsetof(struct sockaddr_un, sun_path) + 1 +
-			   (size_t)snprintf(name->sun_path + 1, sizeof(name->sun_path) - 1, NAME, plant->id,
-					    port));
+	size = address ? snprintf(text, room, NAME FROM, plant->id, port, address)
+		       : snprintf(text, room, NAME, plant->id, port);
+	return (socklen_t)(offsetof(struct sockaddr_un, sun_path) + 1 + (size_t)size);
 }
 
-/* 0: none of the plant's TCP. */
-static uint16_t port_of_name(const struct sockaddr_un *name, socklen_t size)
+static struct place place_of_name(const struct sockaddr_un *name, socklen_t size)
 {
 	char text[sizeof(name->sun_path)] = "";
-	unsigned id = 0, port = 0;
+	unsigned id = 0, port = 0, address = INADDR_LOOPBACK;
 	const size_t before = offsetof(struct sockaddr_un, sun_path) + 1;
 
 	if (name->sun_family != AF_UNIX || size <= before || size - before >= sizeof(text) ||
 	    name->sun_path[0])
-		return 0;
+		return (struct place){0};
 	memcpy(text, name->sun_path + 1, size - before);
-	return sscanf(text, NAME, &id, &port) == 2 && id == plant->id ? (uint16_t)port : 0;
+	if (sscanf(text, NAME FROM, &id, &port, &address) < 2 || id != plant->id)
+		return (struct place){0};
+	return (struct place){(uint16_t)port, address};
 }
 
 typedef int (*ask_name)(int, struct sockaddr *, socklen_t *);
 
-static uint16_t port_by(ask_name ask, int fd)
+static struct place place_by(ask_name ask, int fd)
 {
 	struct sockaddr_un name;
 	socklen_t size = sizeof(name);
 	const int error = errno;
-	const uint16_t port = ask(fd, (struct sockaddr *)&name, &size) == 0 ? port_of_name(&name, size) : 0;
+	struct place place = {0};
 
+	if (ask(fd, (struct sockaddr *)&name, &size) == 0)
+		place = place_of_name(&name, size);
 	errno = error;
-	return port;
+	return place;
+}
+
+static uint16_t port_by(ask_name ask, int fd)
+{
+	return place_by(ask, fd).port;
 }
 
 static void look(int fd, struct link *link)
@@ -189,12 +208,12 @@ static bool is_stand_in(int fd, const struct sockaddr *address)
 	return real.getsockopt(fd, SOL_SOCKET, SO_DOMAIN, &domain, &size) == 0 && domain == AF_UNIX;
 }
 
-static void put_address(const struct link *link, uint16_t port, struct sockaddr *out, socklen_t *size)
+static void put_address(const struct link *link, struct place place, struct sockaddr *out, socklen_t *size)
 {
 	const struct sockaddr_in plain = {
-	    .sin_family = AF_INET, .sin_port = htons(port), .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+	    .sin_family = AF_INET, .sin_port = htons(place.port), .sin_addr.s_addr = htonl(place.address)};
 	const struct sockaddr_in6 six = {
-	    .sin6_family = AF_INET6, .sin6_port = htons(port), .sin6_addr = IN6ADDR_LOOPBACK_INIT};
+	    .sin6_family = AF_INET6, .sin6_port = htons(place.port), .sin6_addr = IN6ADDR_LOOPBACK_INIT};
 	const void *from = link->of_ipv6 ? (const void *)&six : (const void *)&plain;
 	const socklen_t whole = link->of_ipv6 ? sizeof(six) : sizeof(plain);
 
@@ -204,19 +223,28 @@ static void put_address(const struct link *link, uint16_t port, struct sockaddr 
 	*size = whole;
 }
 
+/* Where this process connects from. */
+static uint32_t own_address(void)
+{
+	for (uint32_t i = 0; i < plant->host_count; i++)
+		if (strcmp(plant->hosts[i].name, plant->processes[client_self].name) == 0)
+			return plant->hosts[i].address;
+	return INADDR_LOOPBACK;
+}
+
 static int bind_port(int fd, uint16_t port)
 {
 	struct sockaddr_un name;
 	socklen_t size;
 
 	if (port) {
-		size = put_name(&name, port);
+		size = put_name(&name, port, 0);
 		return real.bind(fd, (struct sockaddr *)&name, size);
 	}
 	do {
 		if (plant->next_port < FIRST_PORT)
 			plant->next_port = FIRST_PORT;
-		size = put_name(&name, plant->next_port++);
+		size = put_name(&name, plant->next_port++, own_address());
 	} while (real.bind(fd, (struct sockaddr *)&name, size) < 0 && errno == EADDRINUSE);
 	return 0;
 }
@@ -224,7 +252,7 @@ static int bind_port(int fd, uint16_t port)
 static int connect_port(int fd, uint16_t port)
 {
 	struct sockaddr_un name;
-	const socklen_t size = put_name(&name, port);
+	const socklen_t size = put_name(&name, port, 0);
 
 	link_of(fd)->state = LINK_UNKNOWN;
 	link_of(fd)->since_ns = plant->now_ns;
@@ -344,7 +372,7 @@ int accept4(int fd, struct sockaddr *restrict address, socklen_t *restrict size,
 	if (result >= 0 && port) {
 		link_of(result)->since_ns = plant->now_ns;
 		link_of(result)->of_ipv6 = link_of(fd)->of_ipv6;
-		put_address(link_of(result), port_by(real.getpeername, result), address, size);
+		put_address(link_of(result), place_by(real.getpeername, result), address, size);
 	}
 	client_changes();
 	client_tell("accept %d %d", fd, result < 0 ? -error : result);
@@ -359,11 +387,11 @@ int accept(int fd, struct sockaddr *restrict address, socklen_t *restrict size)
 
 static int name_by(ask_name ask, int fd, struct sockaddr *address, socklen_t *size)
 {
-	const uint16_t port = plant ? port_by(ask, fd) : 0;
+	const struct place place = plant ? place_by(ask, fd) : (struct place){0};
 
-	if (!port)
+	if (!place.port)
 		return ask(fd, address, size);
-	put_address(link_of(fd), port, address, size);
+	put_address(link_of(fd), place, address, size);
 	return 0;
 }
 

@@ -7,19 +7,20 @@ import itertools
 from bisect import bisect_right
 from collections import Counter, defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-from plant_seeds import RECOVERY_S
 from plant_world import (
     BEGIN_NS,
     CHANGES_FROM_S,
     CONFIGURATIONS,
+    JOURNAL,
     MODBUS_PORT,
     NETWORKED,
     ORDERED,
     PORT,
+    RECOVERY_S,
     SETTLED_S,
     Change,
     Configuration,
@@ -56,7 +57,8 @@ NOT_SENT = (6, 7, 64, 65, 66)  # docs/centre.md
 ORDER_S = 5.0  # a command takes that long where nothing fails, besides its ways
 END_OF_INITIALIZATION = 70  # M_EI_NA_1
 LINK_UP, LINK_DOWN = 3, 4
-ENDS_OF_CONNECTION = ("rtu-iec104", "rtud", "rtu-centre", f"{PORT}")
+CENTRE = "rtu-centre"
+ENDS_OF_CONNECTION = ("rtu-iec104", "rtud", CENTRE, f"{PORT}")
 ENDS_CONNECTION_S = {"kill": 15.0, "stop": 15.0, "cut": 20.0, "lost": 45.0, "power": 45.0}
 
 
@@ -99,6 +101,10 @@ class Told:
     cause: int
     session: int  # counts the connections of the station over all lives of the centre
 
+    @property
+    def as_good(self) -> Told:
+        return replace(self, good=True)
+
     def __str__(self) -> str:
         of = "" if self.tag_s is None else f" of {self.tag_s:.3f} s"
         return f"{self.value}, {'good' if self.good else 'not good'}{of}"
@@ -119,12 +125,25 @@ def held_until_s(hold: Fault) -> float:
     return hold.end_s + (CALL_WITHIN_S if hold.kind == "stop" else 0.0) + PASSED_ON_S
 
 
-class History:
-    """What the devices held, and what the centre was told."""
+@dataclass(frozen=True)
+class Master:
+    """A control centre: its process, and who takes what that is told."""
 
-    def __init__(self, run: Run) -> None:
+    process: str = CENTRE
+    consumer: str = "consumer"
+
+    def sees(self, fault: Fault) -> Fault:
+        """Its own process is the centre, that of another is nothing to it."""
+        return replace(fault, of={self.process: CENTRE, CENTRE: "another"}.get(fault.of, fault.of))
+
+
+class History:
+    """What the devices held, and what a centre was told."""
+
+    def __init__(self, run: Run, master: Master | None = None) -> None:
         self.run = run
-        self.faults = run.world.faults
+        self.master = master or Master()
+        self.faults = tuple(map(self.master.sees, run.world.faults))
         self.end_s = run.world.seconds
 
     @cached_property
@@ -208,8 +227,14 @@ class History:
 
     @cached_property
     def told(self) -> list[Told]:
+        """Of devices' points."""
+        others = set(self.run.world.points_of_fronts)
+        return [told for told in self.all_told if told.point not in others]
+
+    @cached_property
+    def all_told(self) -> list[Told]:
         told, session, connection = [], 0, None
-        for line in self.run.told("consumer"):
+        for line in self.run.told(self.master.consumer):
             if line["kind"] == "centre is gone" or line.get("state") == LINK_UP:
                 session += 1
                 connection = None
@@ -379,13 +404,23 @@ def device_of(point: str) -> str:
     return f"{ca // 1000}.{ca % 1000}"
 
 
-def could_be_lost(point: str, since_s: float, until_s: float, faults: tuple[Fault, ...]) -> bool:
+def keeps_events(history: History, rtud_killed_s: float) -> bool:
+    """There is a journal, which nothing had kept from its work."""
+    if not any(JOURNAL in front.processes for front in history.run.world.fronts):
+        return False
+    kept_up = [(fault.at_s, fault.end_s + AFTER_S) for fault in history.faults if fault.of == JOURNAL]
+    return not overlaps(kept_up, rtud_killed_s - AFTER_S, rtud_killed_s)
+
+
+def could_be_lost(point: str, since_s: float, until_s: float, history: History) -> bool:
     """The line was not read meanwhile, or the gateway went with what waited in it."""
-    if overlaps(troubled_times(device_of(point), faults), since_s, until_s):
+    if overlaps(troubled_times(device_of(point), history.faults), since_s, until_s):
         return True
     return any(
-        (fault.kind, fault.of) == ("kill", "rtud") and abs(fault.at_s - since_s) < JOURNAL_S
-        for fault in faults
+        (fault.kind, fault.of) == ("kill", "rtud")
+        and abs(fault.at_s - since_s) < JOURNAL_S
+        and not keeps_events(history, fault.at_s)
+        for fault in history.faults
     )
 
 
@@ -429,7 +464,7 @@ def no_event_is_lost(history: History) -> Iterator[Violation]:
                 continue
             if not history.has(point, since_s, since_s + HELD_S):
                 continue
-            if not could_be_lost(point, since_s, since_s + HELD_S, history.faults):
+            if not could_be_lost(point, since_s, since_s + HELD_S, history):
                 text = f"{point} was {value} from {since_s:.3f} to {until_s:.3f} s"
                 yield Violation("no event lost", since_s, text)
 
@@ -478,7 +513,7 @@ def is_disturbed(point: str, others: list[Fault], from_s: float, to_s: float) ->
     device = device_of(point)
     if overlaps(troubled_times(device, tuple(others)), from_s, to_s):
         return True
-    on_its_way = [other for other in others if other.of in ("rtu-iec104", "rtu-centre", f"{PORT}")]
+    on_its_way = [other for other in others if other.of in ("rtu-iec104", CENTRE, f"{PORT}")]
     return overlaps([(other.at_s, other.end_s + AFTER_S) for other in on_its_way], from_s, to_s)
 
 
@@ -522,7 +557,7 @@ def connections_stay(history: History) -> Iterator[Violation]:
         for fault in history.faults
         if fault.of in ENDS_OF_CONNECTION
     ]
-    for line in history.run.told("consumer"):
+    for line in history.run.told(history.master.consumer):
         at_s = seconds(line["at"])
         if line.get("state") == LINK_DOWN and not overlaps(ended, at_s - NEXT_S, at_s):
             yield Violation("connection", at_s, "the centre's connection ends")
@@ -611,27 +646,38 @@ def nobody_crashes(history: History) -> Iterator[Violation]:
         yield Violation("no crash", history.end_s, history.run.said)
 
 
-RULES = (
+OF_THE_PLANT = (
     nobody_crashes,
+    periods_are_kept,
+    no_log_is_flooded,
+    devices_are_of_the_configuration,
+    commands_are_executed_once,
+    commands_are_answered_truly,
+)
+OF_A_MASTER = (
     values_are_true,
     events_are_in_order,
     interrogations_tell_the_same,
     no_event_is_lost,
-    periods_are_kept,
     silence_is_told,
     nothing_is_bad_without_trouble,
     connections_stay,
-    no_log_is_flooded,
     values_are_of_the_configuration,
-    devices_are_of_the_configuration,
-    commands_are_executed_once,
-    commands_are_answered_truly,
     all_recovers,
 )
 assert SETTLED_S < RECOVERY_S
 
 
+def judge_master(history: History) -> Iterator[Violation]:
+    """What must hold for each that is told."""
+    for rule in OF_A_MASTER:
+        yield from rule(history)
+
+
 def judge(run: Run) -> list[Violation]:
     """In the order of time."""
     history = History(run)
-    return sorted((one for rule in RULES for one in rule(history)), key=lambda one: one.at_s)
+    found = [one for rule in OF_THE_PLANT for one in rule(history)]
+    found += judge_master(history)
+    found += [one for front in run.world.fronts for one in front.judge(history)]
+    return sorted(found, key=lambda one: one.at_s)

@@ -13,8 +13,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from plant_judge import Violation, judge
-from plant_seeds import RECOVERY_S, world_of
-from plant_world import PlantError, Run, World, run
+from plant_seeds import world_of
+from plant_world import RECOVERY_S, PlantError, Run, World, run
 
 LEAST_S = RECOVERY_S + 60
 TOLD_MAX = 10  # violations of a story

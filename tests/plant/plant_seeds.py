@@ -7,6 +7,9 @@ import random
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
+from front_journal import Journal
+from front_logic import Logic
+from front_masters import SecondMaster
 from plant_world import (
     CHANGES_FROM_S,
     CONFIGURATIONS,
@@ -15,17 +18,19 @@ from plant_world import (
     NETWORKED,
     POINTS,
     PORT,
+    RECOVERY_S,
     SERIAL,
     SETTLED_S,
     Change,
     Fault,
+    Front,
     Link,
     Order,
     World,
 )
 
 FAULTS_FROM_S = 10.0
-RECOVERY_S = 60.0  # without a fault, before the end
+ALL_FRONTS = 5  # a seed that it divides
 MODULES = ("rtu-modbus-1", "rtu-iec104", "rtud", "rtu-centre")
 CALLS_MAX = 200
 LOST_ONE_OF = 3  # cuts
@@ -56,6 +61,7 @@ class Field:
     lines: tuple[int, ...] = SERIAL
     next_value: int = 1
     bits: dict[str, int] = field(default_factory=dict)
+    modules: tuple[str, ...] = MODULES
 
     def line(self) -> int:
         return self.lines[self.random.randrange(len(self.lines))]
@@ -94,7 +100,7 @@ class Field:
             case "cut":
                 return Fault(at_s, kind, f"{PORT}", for_s=for_s)
             case _:
-                return Fault(at_s, kind, self.random.choice(MODULES), calls, for_s)
+                return Fault(at_s, kind, self.random.choice(self.modules), calls, for_s)
 
     def order(self, at_s: float, value: int) -> Order:
         line, unit = map(int, self.device().split("."))
@@ -199,16 +205,20 @@ def with_one_closing(faults: tuple[Fault, ...]) -> tuple[Fault, ...]:
     return tuple(kept)
 
 
+def modules_of(fronts: tuple[Front, ...]) -> tuple[str, ...]:
+    return (*MODULES, *(name for front in fronts for name in front.processes))
+
+
 def calm(seed: int, seconds: float) -> World:
     """Nothing fails."""
     return World(seed, seconds, Field(random.Random(seed), seconds).changes(mean_s=1.0))
 
 
-def troubled(seed: int, seconds: float, fault_every_s: float = 30.0) -> World:
+def troubled(seed: int, seconds: float, fault_every_s: float = 30.0, fronts: tuple[Front, ...] = ()) -> World:
     """Modules die and stop, devices are silent, the link to the centre is cut."""
-    of_seed = Field(random.Random(seed), seconds)
+    of_seed = Field(random.Random(seed), seconds, modules=modules_of(fronts))
     changes = of_seed.changes(mean_s=1.0)
-    return World(seed, seconds, changes, of_seed.made_by(of_seed.fault, fault_every_s))
+    return World(seed, seconds, changes, of_seed.made_by(of_seed.fault, fault_every_s), fronts=fronts)
 
 
 def restless(seed: int, seconds: float, fault_every_s: float = 8.0) -> World:
@@ -228,8 +238,14 @@ def far(seed: int, seconds: float, fault_every_s: float = 8.0) -> World:
     return World(seed, seconds, changes, faults, lines=FAR_LINES, links=links, orders=orders)
 
 
+def fronts_of(seed: int) -> tuple[Front, ...]:
+    return (SecondMaster(groups=bool(seed % 2)), Logic(), Journal())
+
+
 def world_of(seed: int, seconds: float, fault_every_s: float = 30.0) -> World:
-    """Of three seeds one is about programs, one about what is far away, and one about lines."""
+    """Each fifth has all fronts. Of three others one is about programs, one far away, one about lines."""
+    if seed % ALL_FRONTS == 0:
+        return troubled(seed, seconds, fault_every_s, fronts_of(seed))
     match seed % 3:
         case 0:
             return restless(seed, seconds)

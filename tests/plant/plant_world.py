@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from operator import itemgetter
@@ -21,6 +22,7 @@ GATEWAY = Path(os.environ.get("OPENRTU_BUILD", REPOSITORY / "build" / "native"))
 LINESIM = Path(os.environ.get("OPENRTU_LINESIM", REPOSITORY / "build" / "linesim" / "linesim"))
 BEGIN_NS = 1000 * 10**9  # main.c
 PORT, MODBUS_PORT = 2404, 1502
+JOURNAL = "rtu-journal"
 SERIAL = (1, 2)  # lines
 NETWORKED = 7  # the line whose devices are behind Modbus TCP
 DEVICES = 3  # of a line
@@ -31,6 +33,7 @@ POINTS = 2  # of a device, beside its bit
 MORE = 30001 + POINTS  # the object that one configuration has and another has not
 CHANGES_FROM_S = 5.0
 SETTLED_S = 10.0  # without a change, before the end
+RECOVERY_S = 60.0  # without a fault, before the end
 
 
 class PlantError(Exception):
@@ -164,9 +167,49 @@ class Link:
     most_s: float
 
 
+def part(*words: str) -> list[str]:
+    """One of plant_parts.py."""
+    return [str(Path(sys.executable).resolve()), "-I", "-S", "-B", str(PARTS), *words]
+
+
+Programs = dict[str, tuple[float, list[str]]]  # of each name, when it starts and its words
+
+
+class Front:
+    """Who else looks at the gateway, or what else it has: a front, a master, programs, a journal."""
+
+    def configure(self, world: World, config: dict[str, Any], folder: Path) -> None:
+        """Its part of the gateway's configuration."""
+
+    def lay_out(self, world: World, folder: Path, gateway: Path) -> None:
+        """Its files."""
+
+    def programs(self, world: World, folder: Path, gateway: Path) -> Programs:
+        return {}
+
+    @property
+    def processes(self) -> tuple[str, ...]:
+        """Those that may be killed, or stop."""
+        return ()
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Those of no device."""
+        return ()
+
+    @property
+    def hosts(self) -> dict[str, str]:
+        """The addresses of programs that are not at 127.0.0.1."""
+        return {}
+
+    def judge(self, history: Any) -> Iterator[Any]:
+        """Violations of the rules that it has besides."""
+        yield from ()
+
+
 @dataclass(frozen=True)
 class World:
-    """Lines of three devices, rtud with its modules, one controlling station."""
+    """Lines of three devices, rtud with its modules, one controlling station, and the fronts beside."""
 
     seed: int
     seconds: float
@@ -176,6 +219,7 @@ class World:
     lines: tuple[int, ...] = SERIAL
     links: tuple[Link, ...] = ()  # those with delay
     orders: tuple[Order, ...] = ()
+    fronts: tuple[Front, ...] = ()
 
     @property
     def units(self) -> list[tuple[int, int]]:
@@ -213,11 +257,14 @@ class World:
         slaves = [self.slave(number, unit, configuration) for unit in units]
         return {"value": number, "active": 1, **medium, "slaves": slaves}
 
-    def gateway(self, configuration: Configuration) -> dict[str, Any]:
+    def gateway(self, configuration: Configuration, folder: Path) -> dict[str, Any]:
         station = {"address": "127.0.0.1", "port": PORT}
         ring = {"event_ring": configuration.ring} if configuration.ring != Configuration().ring else {}
         ports = [self.line(number, configuration) for number in self.lines]
-        return {"iec104": station, **ring, "port": ports}
+        config: dict[str, Any] = {"iec104": station, **ring, "port": ports}
+        for front in self.fronts:
+            front.configure(self, config, folder)
+        return config
 
     @property
     def points(self) -> dict[str, tuple[int, int]]:
@@ -229,8 +276,13 @@ class World:
         }
 
     @property
+    def points_of_fronts(self) -> list[str]:
+        return [point for front in self.fronts for point in front.points]
+
+    @property
     def centre(self) -> dict[str, Any]:
         addresses = [line * 1000 + unit for line, unit in self.units]
+        addresses += sorted({int(point.split(".")[0]) for point in self.points_of_fronts})
         station = {"name": "rtu", "address": "127.0.0.1", "port": PORT, "common_addresses": addresses}
         period_s = 0 if self.seed % 2 else 20  # 0: what was missed once no later interrogation brings
         times = {"retry_ms": 500, "retry_max_ms": 2000}
@@ -268,28 +320,28 @@ class World:
 
     def plan(self, folder: Path, gateway: Path) -> list[str]:
         """What the runner reads."""
-        python = [str(Path(sys.executable).resolve()), "-I", "-S", "-B", str(PARTS)]
         dev, consumer = folder / "dev", folder / "consumer"
         linesim = [f"{LINESIM}", "--tcp", "--whole", "--config", f"{folder}/field.json", "--dir", f"{dev}"]
         rtud = [f"{gateway}/rtud/rtud", "--uid-base", "0", "--map", f"{folder}/map", "--dev", f"{dev}"]
+        rtud += ["--modules", f"{gateway}/modules", f"{folder}/gateway.json"]
         centre = [f"{gateway}/centre/rtu-centre", "--socket", f"{consumer}", f"{folder}/centre.json"]
-        programs: dict[str, tuple[float, list[str]]] = {
+        programs: Programs = {
             "linesim": (0.0, linesim),
-            "gateway": (
-                0.5,
-                [*python, "keep", *rtud, "--modules", f"{gateway}/modules", f"{folder}/gateway.json"],
-            ),
-            "centre": (1.0, [*python, "keep", *centre]),
-            "consumer": (1.5, [*python, "consume", f"{consumer}", f"{folder}/orders"]),
-            "watch": (1.5, [*python, "watch", f"{dev}/control"]),
-            "field": (1.5, [*python, "change", f"{dev}/control", f"{folder}/script"]),
+            "gateway": (0.5, part("keep", *rtud)),
+            "centre": (1.0, part("keep", *centre)),
+            "consumer": (1.5, part("consume", f"{consumer}", f"{folder}/orders")),
+            "watch": (1.5, part("watch", f"{dev}/control")),
+            "field": (1.5, part("change", f"{dev}/control", f"{folder}/script")),
         }
         if self.orders:
-            programs["writes"] = (1.5, [*python, "writes", f"{dev}/control"])
+            programs["writes"] = (1.5, part("writes", f"{dev}/control"))
         if self.reloads:
             rtuctl = f"{gateway}/rtuctl/rtuctl"
-            programs["reload"] = (1.5, [*python, "reload", f"{folder}/map", f"{folder}", rtuctl])
+            programs["reload"] = (1.5, part("reload", f"{folder}/map", f"{folder}", rtuctl))
         lines = [["end", f"{self.seconds}"]]
+        for front in self.fronts:
+            programs |= front.programs(self, folder, gateway)
+            lines += [["host", name, address] for name, address in front.hosts.items()]
         for name, (at_s, words) in programs.items():
             lines.append(["start", name, f"{at_s}", f"{folder}/{name}.out", f"{folder}/{name}.log", *words])
         for link in self.links:
@@ -342,16 +394,18 @@ class Run:
 def run(world: World, folder: Path, *, traced: bool = True, gateway: Path = GATEWAY) -> Run:
     """Raises PlantError. A trace of a day is long: two GB."""
     (folder / "dev").mkdir(parents=True)
-    (folder / "gateway.json").write_text(json.dumps(world.gateway(CONFIGURATIONS[0])))
+    (folder / "gateway.json").write_text(json.dumps(world.gateway(CONFIGURATIONS[0], folder)))
     (folder / "field.json").write_text(
-        json.dumps(world.gateway(WHOLE if world.reloads else CONFIGURATIONS[0]))
+        json.dumps(world.gateway(WHOLE if world.reloads else CONFIGURATIONS[0], folder))
     )
     for number, configuration in enumerate(CONFIGURATIONS if world.reloads else ()):
-        (folder / f"gateway-{number}.json").write_text(json.dumps(world.gateway(configuration)))
+        (folder / f"gateway-{number}.json").write_text(json.dumps(world.gateway(configuration, folder)))
     (folder / "reloads").write_text("".join(f"{line}\n" for line in world.reloaded))
     (folder / "centre.json").write_text(json.dumps(world.centre))
     (folder / "orders").write_text("".join(f"{order}\n" for order in world.ordered))
     (folder / "script").write_text("\n".join(world.script) + "\n")
+    for front in world.fronts:
+        front.lay_out(world, folder, gateway)
     (folder / "world").write_text("\n".join(world.plan(folder, gateway)) + "\n")
     command = [BUILD / "plant", "--seed", str(world.seed), "--trace"]
     command += [folder / "trace" if traced else "/dev/null", folder / "world"]

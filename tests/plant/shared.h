@@ -12,6 +12,7 @@
 #define PLANT_FAULTS    4096
 #define PLANT_LOSSES    256
 #define PLANT_DELAYS    8
+#define PLANT_HOSTS     8
 #define PLANT_STEPS     256
 #define PLANT_FLIGHTS   1024
 #define PLANT_NAMES     64
@@ -81,6 +82,12 @@ struct plant_delay {
 	int64_t most_ns;
 };
 
+/* A process of this name connects from an address of its own. */
+struct plant_host {
+	char name[PLANT_NAME_SIZE];
+	uint32_t address;
+};
+
 /* What was sent at once, from port to port. size 0: a connection, or its end. */
 struct plant_flight {
 	uint16_t from, to;
@@ -117,6 +124,8 @@ struct plant {
 	struct plant_step steps[PLANT_STEPS];
 	uint32_t delay_count;
 	struct plant_delay delays[PLANT_DELAYS];
+	uint32_t host_count;
+	struct plant_host hosts[PLANT_HOSTS];
 	uint32_t flight_count;
 	struct plant_flight flights[PLANT_FLIGHTS];
 	struct plant_name names[PLANT_NAMES];

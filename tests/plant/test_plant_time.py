@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The plant under a clock of its own (docs/plant.md): one seed is one trace, whatever else the host does."""
 
-import json
 import os
 import shlex
-import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -17,32 +15,18 @@ from pathlib import Path
 import pytest
 
 import plant_world
-from lab.gateway import remove, run_directory
 from lab.patience import Deadline
 from plant_faults import FAULTS, look_for, names
 from plant_judge import LINK_UP, WALL_NS, Violation, judge
 from plant_run import shrunk, story
 from plant_seeds import FAR_LINES, calm, far, restless, troubled
+from plant_trials import Lines, busy_processes, run_world, spoiled_copy
 from plant_world import BUILD, Change, Fault, Run, World
 
 SECONDS = 60.0
 TROUBLED_S = 300.0
 SHORT_S = 140.0  # nine faults of all kinds, and time to recover
-BUSY = 4
 INVALID, NOT_TOPICAL = 128, 64
-
-
-@pytest.fixture(scope="module")
-def folder() -> Iterator[Path]:
-    directory = run_directory()
-    yield directory
-    remove(directory)
-
-
-def run_world(world: World, folder: Path) -> Run:
-    ran = plant_world.run(world, folder)
-    assert (ran.code, ran.said) == (0, "")
-    return ran
 
 
 def run(seed: int, folder: Path) -> Run:
@@ -54,23 +38,13 @@ def first(programs: Path, linesim_program: Path, folder: Path) -> Run:
     return run(1, folder / "first")
 
 
-@contextmanager
-def busy_processes(count: int) -> Iterator[None]:
-    with ExitStack() as stack:
-        for _ in range(count):
-            process = subprocess.Popen([sys.executable, "-c", "while True: pass"])
-            stack.callback(process.wait)
-            stack.callback(process.kill)
-        yield
-
-
 def test_one_seed_one_trace(first: Run, folder: Path) -> None:
     assert run(1, folder / "second").trace == first.trace
 
 
 @pytest.mark.slow
 def test_one_seed_one_trace_beside_busy_processes(first: Run, folder: Path) -> None:
-    with busy_processes(BUSY):
+    with busy_processes():
         assert run(1, folder / "busy").trace == first.trace
 
 
@@ -102,7 +76,7 @@ def test_a_world_with_faults_is_one_trace(programs: Path, linesim_program: Path,
     world = troubled(18, SHORT_S, fault_every_s=5.0)
     assert {fault.kind for fault in world.faults} == {"kill", "stop", "silent", "cut", "lost", "power"}
     first = run_world(world, folder / "troubled")
-    with busy_processes(BUSY):
+    with busy_processes():
         assert run_world(world, folder / "troubled-busy").trace == first.trace
 
 
@@ -361,8 +335,6 @@ def test_a_configuration_is_loaded_and_another(reloaded: Run) -> None:
 
 # ---- the judge sees what is wrong ----------------------------------------------------------------------
 
-Lines = list[dict[str, object]]
-
 
 def value_events(lines: Lines) -> list[int]:
     """Where the events of registers are."""
@@ -486,14 +458,6 @@ def test_the_judge_sees_of_commands(
     lines = commanded.told(part)
     spoil(lines)
     assert rule in {violation.rule for violation in judge(spoiled_copy(commanded, tmp_path, part, lines))}
-
-
-def spoiled_copy(ran: Run, tmp_path: Path, part: str, lines: Lines) -> Run:
-    """Where one part has said something else."""
-    for path in (*ran.folder.glob("*.out"), *ran.folder.glob("*.log")):
-        shutil.copy(path, tmp_path)
-    (tmp_path / f"{part}.out").write_text("".join(json.dumps(line) + "\n" for line in lines))
-    return Run(ran.world, tmp_path, ran.real_s, ran.code, ran.said)
 
 
 def test_the_judge_sees_a_device_that_is_asked_too_seldom(first: Run, tmp_path: Path) -> None:
@@ -764,6 +728,7 @@ def test_a_crash_is_told(programs: Path, tmp_path: Path) -> None:
         ("lose\t2404\n", "expected a time in seconds"),
         ("step\t1\tlate\n", "expected a time in seconds"),
         ("delay\t2404\t2\t1\n", "expected a port, and two times"),
+        ("host\trtu-centre\tnowhere\n", "expected a name and an IPv4 address"),
     ],
 )
 def test_a_world_that_is_none(programs: Path, tmp_path: Path, world: str, said: str) -> None:
