@@ -11,6 +11,8 @@
 
 #define CLIENT_FDS 1024
 
+struct sockaddr_un;
+
 extern struct plant *plant; /* NULL: this process is in none */
 extern uint32_t client_self;
 
@@ -81,6 +83,21 @@ void network_sent(int fd, ssize_t size);
 void network_close(int fd);
 
 void network_forget(int fd);
+
+uint16_t network_port(int fd); /* 0: it has none */
+bool network_take_port(int fd);
+socklen_t network_name(const struct sockaddr *address, struct sockaddr_un *out);
+bool network_is_cut_off(int fd, const struct sockaddr *to);
+void network_put_sender(const struct sockaddr_un *name, socklen_t name_size, struct sockaddr *out,
+			socklen_t *size);
+
+/* ---- UDP: datagrams.c */
+
+void datagrams_made(int fd);
+void datagrams_forget(int fd);
+bool datagrams_is(int fd);
+ssize_t datagrams_send(int fd, const struct msghdr *message, int flags);
+ssize_t datagrams_receive(int fd, struct msghdr *message, int flags);
 
 /* ---- descriptors: files.c */
 

@@ -234,6 +234,21 @@ static bool may_take_now(int fd)
 	return false;
 }
 
+static ssize_t receive_datagram(int fd, void *out, size_t size, int flags, struct sockaddr *address,
+				socklen_t *address_size)
+{
+	struct iovec octets = {.iov_base = out, .iov_len = size};
+	struct msghdr message = {.msg_iov = &octets, .msg_iovlen = 1};
+	ssize_t got;
+
+	message.msg_name = address_size ? address : NULL;
+	message.msg_namelen = address_size ? *address_size : 0;
+	got = datagrams_receive(fd, &message, flags);
+	if (got >= 0 && address_size)
+		*address_size = message.msg_namelen;
+	return got;
+}
+
 static ssize_t receive(int fd, void *out, size_t size, int flags, struct sockaddr *address,
 		       socklen_t *address_size)
 {
@@ -241,6 +256,8 @@ static ssize_t receive(int fd, void *out, size_t size, int flags, struct sockadd
 
 	if (!(flags & MSG_DONTWAIT ? may_take_now(fd) : may_take(fd)) || !limit_to_arrived(fd, &size))
 		return -1;
+	if (datagrams_is(fd))
+		return receive_datagram(fd, out, size, flags, address, address_size);
 	got = real.recvfrom(fd, out, size, flags, address, address_size);
 	network_took(fd, got);
 	return got;
@@ -268,11 +285,25 @@ ssize_t __recv_chk(int fd, void *out, size_t size, size_t room, int flags)
 	return recv(fd, out, size, flags);
 }
 
+static ssize_t send_datagram(int fd, const void *octets, size_t size, int flags,
+			     const struct sockaddr *address, socklen_t address_size)
+{
+	struct iovec part = {.iov_base = (void *)(uintptr_t)octets, .iov_len = size};
+	const struct msghdr message = {.msg_name = (void *)(uintptr_t)address,
+				       .msg_namelen = address_size,
+				       .msg_iov = &part,
+				       .msg_iovlen = 1};
+
+	return datagrams_send(fd, &message, flags);
+}
+
 static ssize_t send_on(int fd, const void *octets, size_t size, int flags, const struct sockaddr *address,
 		       socklen_t address_size)
 {
 	ssize_t result;
 
+	if (datagrams_is(fd))
+		return send_datagram(fd, octets, size, flags, address, address_size);
 	if (network_is_lost(fd))
 		return (ssize_t)size;
 	result = real.sendto(fd, octets, size, flags, address, address_size);
@@ -296,22 +327,43 @@ ssize_t send(int fd, const void *octets, size_t size, int flags)
 	return sendto(fd, octets, size, flags, NULL, 0);
 }
 
+/* In the trace a datagram has its first part. */
+static const void *first_part(const struct msghdr *message, ssize_t size)
+{
+	return size >= 0 && message->msg_iovlen > 0 && message->msg_iov->iov_len >= (size_t)size
+		   ? message->msg_iov->iov_base
+		   : NULL;
+}
+
 ssize_t recvmsg(int fd, struct msghdr *message, int flags)
 {
+	ssize_t got;
+
 	if (!plant)
 		return real.recvmsg(fd, message, flags);
 	client_call();
-	return took("recvmsg", fd, FD_OTHER, NULL, may_take(fd) ? real.recvmsg(fd, message, flags) : -1);
+	if (!datagrams_is(fd))
+		return took("recvmsg", fd, FD_OTHER, NULL,
+			    may_take(fd) ? real.recvmsg(fd, message, flags) : -1);
+	got = may_take(fd) ? datagrams_receive(fd, message, flags) : -1;
+	return took("recvmsg", fd, first_part(message, got) ? FD_SOCKET : FD_OTHER, first_part(message, got),
+		    got);
 }
 
 ssize_t sendmsg(int fd, const struct msghdr *message, int flags)
 {
+	ssize_t sent;
+
 	if (!plant)
 		return real.sendmsg(fd, message, flags);
 	client_call();
 	if (wait_blocking(fd, POLLOUT) < 0)
 		return -1;
-	return gave("sendmsg", fd, FD_OTHER, NULL, real.sendmsg(fd, message, flags));
+	if (!datagrams_is(fd))
+		return gave("sendmsg", fd, FD_OTHER, NULL, real.sendmsg(fd, message, flags));
+	sent = datagrams_send(fd, message, flags);
+	return gave("sendmsg", fd, first_part(message, sent) ? FD_SOCKET : FD_OTHER,
+		    first_part(message, sent), sent);
 }
 
 /* ---- closing ----------------------------------------------------------------------------- */
@@ -321,6 +373,7 @@ static void forget(int fd)
 	epoll_forget(fd);
 	timer_forget(fd);
 	network_forget(fd);
+	datagrams_forget(fd);
 	if (fd >= 0 && fd < CLIENT_FDS)
 		known_kinds[fd] = FD_FILE;
 }

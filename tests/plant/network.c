@@ -223,13 +223,13 @@ static void put_address(const struct link *link, struct place place, struct sock
 	*size = whole;
 }
 
-/* Where this process connects from. */
+/* Where this process connects from, if it is no address of all. */
 static uint32_t own_address(void)
 {
 	for (uint32_t i = 0; i < plant->host_count; i++)
 		if (strcmp(plant->hosts[i].name, plant->processes[client_self].name) == 0)
 			return plant->hosts[i].address;
-	return INADDR_LOOPBACK;
+	return 0;
 }
 
 static int bind_port(int fd, uint16_t port)
@@ -244,7 +244,7 @@ static int bind_port(int fd, uint16_t port)
 	do {
 		if (plant->next_port < FIRST_PORT)
 			plant->next_port = FIRST_PORT;
-		size = put_name(&name, plant->next_port++, own_address());
+		size = put_name(&name, plant->next_port++, datagrams_is(fd) ? 0 : own_address());
 	} while (real.bind(fd, (struct sockaddr *)&name, size) < 0 && errno == EADDRINUSE);
 	return 0;
 }
@@ -275,6 +275,37 @@ static int connect_far(int fd, uint16_t port)
 	return -1;
 }
 
+/* ---- what datagrams need ----------------------------------------------------------------- */
+
+uint16_t network_port(int fd)
+{
+	return port_by(real.getsockname, fd);
+}
+
+bool network_take_port(int fd)
+{
+	return bind_port(fd, 0) == 0;
+}
+
+socklen_t network_name(const struct sockaddr *address, struct sockaddr_un *out)
+{
+	return put_name(out, port_of(address), 0);
+}
+
+bool network_is_cut_off(int fd, const struct sockaddr *to)
+{
+	return plant_is_cut(plant, network_port(fd)) || (to && plant_is_cut(plant, port_of(to)));
+}
+
+void network_put_sender(const struct sockaddr_un *name, socklen_t name_size, struct sockaddr *out,
+			socklen_t *size)
+{
+	const struct link plain = {.of_ipv6 = false};
+
+	if (out)
+		put_address(&plain, place_of_name(name, name_size), out, size);
+}
+
 /* ---- what waits asks --------------------------------------------------------------------- */
 
 short network_events(int fd, short wanted, short found)
@@ -300,17 +331,30 @@ short network_events(int fd, short wanted, short found)
 
 /* ---- the calls --------------------------------------------------------------------------- */
 
+/* Of the kernel's links nothing is told: they are the host's. */
+static int refuse_netlink(void)
+{
+	errno = EAFNOSUPPORT;
+	return -1;
+}
+
 int socket(int domain, int type, int protocol)
 {
-	const bool is_tcp = (domain == AF_INET || domain == AF_INET6) && (type & 0xf) == SOCK_STREAM;
+	const bool is_inet = domain == AF_INET || domain == AF_INET6;
+	const int kind = type & 0xf;
 	int fd;
 
 	client_begin();
-	if (!plant || !is_tcp)
+	if (plant && domain == AF_NETLINK)
+		return refuse_netlink();
+	if (!plant || !is_inet || (kind != SOCK_STREAM && kind != SOCK_DGRAM))
 		return real.socket(domain, type, protocol);
 	fd = real.socket(AF_UNIX, type, 0);
-	if (fd >= 0)
-		link_of(fd)->of_ipv6 = domain == AF_INET6;
+	if (fd < 0)
+		return -1;
+	link_of(fd)->of_ipv6 = domain == AF_INET6;
+	if (kind == SOCK_DGRAM)
+		datagrams_made(fd);
 	return fd;
 }
 

@@ -7,9 +7,11 @@ import random
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
+from front_counter import Counter
 from front_journal import Journal
 from front_logic import Logic
 from front_masters import SecondMaster
+from front_snmp import Snmp
 from plant_world import (
     CHANGES_FROM_S,
     CONFIGURATIONS,
@@ -239,7 +241,7 @@ def far(seed: int, seconds: float, fault_every_s: float = 8.0) -> World:
 
 
 def fronts_of(seed: int) -> tuple[Front, ...]:
-    return (SecondMaster(groups=bool(seed % 2)), Logic(), Journal())
+    return (SecondMaster(groups=bool(seed % 2)), Logic(), Journal(), Counter(), Snmp())
 
 
 def world_of(seed: int, seconds: float, fault_every_s: float = 30.0) -> World:

@@ -10,7 +10,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import plant_world
-from plant_world import Run, World
+from plant_world import BUILD, Run, World
 
 BUSY = 4
 
@@ -39,3 +39,18 @@ def spoiled_copy(ran: Run, tmp_path: Path, part: str, lines: Lines) -> Run:
         shutil.copy(path, tmp_path)
     (tmp_path / f"{part}.out").write_text("".join(json.dumps(line) + "\n" for line in lines))
     return Run(ran.world, tmp_path, ran.real_s, ran.code, ran.said)
+
+
+def run_alone(tmp_path: Path, world: str) -> "subprocess.CompletedProcess[str]":
+    (tmp_path / "world").write_text(world)
+    command = [BUILD / "plant", "--seed", "1", "--trace", tmp_path / "trace", tmp_path / "world"]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def run_script(
+    tmp_path: Path, script: str, faults: str = "", at_s: float = 0.0
+) -> "subprocess.CompletedProcess[str]":
+    (tmp_path / "script").write_text(script)
+    words = [sys.executable, "-I", "-S", f"{tmp_path}/script"]
+    start = ["start", "script", f"{at_s}", f"{tmp_path}/out", f"{tmp_path}/log", *words]
+    return run_alone(tmp_path, f"end\t60\n{faults}" + "\t".join(start) + "\n")

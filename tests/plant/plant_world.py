@@ -198,6 +198,11 @@ class Front:
         return ()
 
     @property
+    def counters(self) -> tuple[str, ...]:
+        """Those of its points that are frozen, and stand still."""
+        return ()
+
+    @property
     def hosts(self) -> dict[str, str]:
         """The addresses of programs that are not at 127.0.0.1."""
         return {}
@@ -276,13 +281,18 @@ class World:
         }
 
     @property
+    def counters(self) -> list[str]:
+        """Those that are frozen, and stand still."""
+        return [point for front in self.fronts for point in front.counters]
+
+    @property
     def points_of_fronts(self) -> list[str]:
         return [point for front in self.fronts for point in front.points]
 
     @property
     def centre(self) -> dict[str, Any]:
         addresses = [line * 1000 + unit for line, unit in self.units]
-        addresses += sorted({int(point.split(".")[0]) for point in self.points_of_fronts})
+        addresses += sorted({int(point.split(".")[0]) for point in self.points_of_fronts} - set(addresses))
         station = {"name": "rtu", "address": "127.0.0.1", "port": PORT, "common_addresses": addresses}
         period_s = 0 if self.seed % 2 else 20  # 0: what was missed once no later interrogation brings
         times = {"retry_ms": 500, "retry_max_ms": 2000}

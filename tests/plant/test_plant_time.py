@@ -20,7 +20,7 @@ from plant_faults import FAULTS, look_for, names
 from plant_judge import LINK_UP, WALL_NS, Violation, judge
 from plant_run import shrunk, story
 from plant_seeds import FAR_LINES, calm, far, restless, troubled
-from plant_trials import Lines, busy_processes, run_world, spoiled_copy
+from plant_trials import Lines, busy_processes, run_alone, run_script, run_world, spoiled_copy
 from plant_world import BUILD, Change, Fault, Run, World
 
 SECONDS = 60.0
@@ -569,12 +569,6 @@ def test_the_plant_finds_a_fault_of_the_past(programs: Path, linesim_program: Pa
 # ---- the runner ----------------------------------------------------------------------------------------
 
 
-def run_alone(tmp_path: Path, world: str) -> "subprocess.CompletedProcess[str]":
-    (tmp_path / "world").write_text(world)
-    command = [BUILD / "plant", "--seed", "1", "--trace", tmp_path / "trace", tmp_path / "world"]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
-
-
 def wait_until(condition: Callable[[], bool]) -> None:
     deadline = Deadline(60.0)
     while not condition():
@@ -604,13 +598,6 @@ begun = time.monotonic()
 found = outer.poll(10)
 print(len(found), time.monotonic() - begun)
 """
-
-
-def run_script(tmp_path: Path, script: str, at_s: float = 0.0) -> "subprocess.CompletedProcess[str]":
-    (tmp_path / "script").write_text(script)
-    words = [sys.executable, "-I", "-S", f"{tmp_path}/script"]
-    start = ["start", "script", f"{at_s}", f"{tmp_path}/out", f"{tmp_path}/log", *words]
-    return run_alone(tmp_path, "end\t60\n" + "\t".join(start) + "\n")
 
 
 ECHO = """

@@ -13,6 +13,8 @@
 #define EPOLL_MAX    512
 #define YIELD_ONE_OF 4 /* so often others come first although this one could go on */
 #define NS_PER_MS    1000000
+#define HASTY_POLLS  100
+#define HASTY_NS     1000
 #define POLL_MAX     512
 
 static struct watched {
@@ -199,12 +201,24 @@ static void tell_poll(const char *name, const struct pollfd *fds, nfds_t count, 
 	client_tell("%s %d%s", name, result, text);
 }
 
+/* Who asks again and again for no time waits for the clock, as one does whose deadline must be over by some time. */
+static int64_t patient_ns(int64_t wait_ns)
+{
+	static int64_t asked_ns;
+	static unsigned times;
+
+	if (wait_ns != 0 || asked_ns != plant->now_ns)
+		times = 0;
+	asked_ns = plant->now_ns;
+	return wait_ns == 0 && ++times > HASTY_POLLS ? HASTY_NS : wait_ns;
+}
+
 static int poll_for(const char *name, struct pollfd *fds, nfds_t count, int64_t wait_ns)
 {
 	int result, error;
 
 	client_call();
-	result = wait_poll(fds, count, after_ns(wait_ns));
+	result = wait_poll(fds, count, after_ns(patient_ns(wait_ns)));
 	error = errno;
 	tell_poll(name, fds, count, result);
 	errno = error;
