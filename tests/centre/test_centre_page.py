@@ -178,15 +178,27 @@ def green_is_at_belgrade(page: Page) -> bool:
     return middle["count"] > 50 and all(abs(middle[axis] - wanted[axis]) <= 1 for axis in "xy")
 
 
+# The map goes to all its places by itself when it is told where they are, and leaves what it was to show.
+IS_YET_TO_GO = "openrtuMap.getZoom() === 3.2"
+
+
 def marker_is_seen(page: Page, stations: Stations, north: Station) -> None:
     """Within a pixel of its place, once it is all drawn."""
 
     def is_there() -> bool:
         stations.say(north, 1, POSITION, position(now_ms(), *BELGRADE, 117))
+        if page.evaluate(IS_YET_TO_GO):
+            return False
         look_at(page, 20.4, 44.8, 10)
         return green_is_at_belgrade(page)
 
     until(is_there, "a green marker at its place")
+
+
+def still_green(page: Page, stations: Stations, north: Station) -> bool:
+    """Though its connection may be lost meanwhile, on a busy host."""
+    stations.say(north, 1, POSITION, position(now_ms(), *BELGRADE, 117))
+    return green_is_at_belgrade(page)
 
 
 def test_marker_is_where_the_vehicle_is(page: Page, stations: Stations, north: Station) -> None:
@@ -288,7 +300,7 @@ def test_marker_stays_at_its_place_while_ten_thousand_are_dragged(
     for x, y in ((340, 215), (397, 231), (330, 283)):
         page.mouse.move(canvas["x"] + x, canvas["y"] + y, steps=4)
         until(lambda: page.evaluate(MOVED_SHEET), "the sheet of all, moved")
-        until(lambda: green_is_at_belgrade(page), "the good one at its place")
+        until(lambda: still_green(page, stations, north), "the good one at its place")
     page.mouse.up()
     marker_is_seen(page, stations, north)
 

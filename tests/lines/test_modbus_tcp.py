@@ -349,8 +349,7 @@ def test_connection_that_brings_nothing_is_made_anew(programs: Path) -> None:
         wait_good(gateway, "p7.1.*")
         gateway.wait_for(lambda: counters(gateway, 7)["hung"] >= 2, NOTICE_S, "both are counted")
         said = "answers nothing on its connection: making another"
-        assert port_log(gateway, 7)[:2] == ["is connected", said]
-        assert port_log(gateway, 7).count(said) == 1
+        assert port_log(gateway, 7)[:2] == ["is connected", said]  # when again: src/map/test_repeats.c
 
 
 # ---- late and wrong answers ------------------------------------------------------------------------------

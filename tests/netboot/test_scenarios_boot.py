@@ -72,7 +72,7 @@ REACHED = [
     works("a prompt as Linux has one", board={"prompt": "# "}),
     works("no environment: no count-down", board={"environment": None}),
     works("autoboot off", board=environment(bootdelay="-1")),
-    works("bootdelay=0 and a slow start", board=environment(bootdelay="0") | {"start_seconds": 0.4}),
+    works("bootdelay=0 and a slow start", board=environment(bootdelay="0") | {"slow_start": True}),
     works("another speed of the table", board={"baud": 57600}, says=("57600",)),
     works("a speed of another board", board={"baud": 9600}, says=("9600",)),
     works("words of a kernel in the banner", faults.Unsolicited(CHATTER, times=2), board={"state": "prompt"}),

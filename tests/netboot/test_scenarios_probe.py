@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from lab.patience import stretch
 from netboot.double import FACTORY_ENVIRONMENT, faults
 from netboot.scenario import ENVIRONMENT, Bench, Scenario, play, table
 from nuc980.netboot import errors
@@ -103,7 +102,7 @@ LOOKED = [
     Scenario(
         "bootdelay=0",
         PROBE,
-        board={"environment": FACTORY_ENVIRONMENT | {"bootdelay": "0"}, "start_seconds": 0.4 * stretch()},
+        board={"environment": FACTORY_ENVIRONMENT | {"bootdelay": "0"}, "slow_start": True},
         says=("hardly a chance",),
     ),
     Scenario("without the flash", (*PROBE, "--no-flash"), says=("not asked",)),

@@ -39,7 +39,7 @@ from lab.manager import (
     oid,
     receiver,
 )
-from rig.desk import Desk, chapter_5, desk_of
+from rig.desk import Desk, chapter_5, desk_of, of_port, patience
 
 BREAKER, LAMP = "1010.1", "1010.101"  # a double point with selection; a single one without
 OFF, ON = 2, 3  # of a double point
@@ -177,11 +177,15 @@ def configuration(folder: Path, port: int, sink_port: int, **more: Any) -> dict[
 
 
 @contextlib.contextmanager
-def site_of(programs: Path) -> Iterator[Site]:
+def site_of(programs: Path, lasting_s: int = 0) -> Iterator[Site]:
+    """With lasting_s a selection, and the wait for a device of port 1, end by themselves after so long."""
     folder = run_directory()
     port, sink_port = free_udp_port(), free_udp_port()
     config = configuration(folder, port, sink_port, release_time=15)
-    config["commands"] = {"select_timeout": 2, "command_timeout": 10}
+    config["commands"] = {"select_timeout": lasting_s or 2, "command_timeout": lasting_s or 10}
+    if lasting_s:
+        for slave in of_port(config, 1)["slaves"]:
+            slave |= patience(lasting_s * 1000)
     make_keys(config, folder)
     with receiver(sink_port, folder / "receiver") as received, desk_of(config, programs) as desk:
         yield Site(desk, folder, port, received)

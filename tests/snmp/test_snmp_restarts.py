@@ -40,7 +40,9 @@ from rig.snmp import (
 
 @pytest.fixture(scope="module")
 def site(programs: Path) -> Iterator[Site]:
-    with site_of(programs) as site:
+    with site_of(
+        programs, lasting_s=10
+    ) as site:  # a state is there until its test kills, on a busy host, too
         yield site
 
 

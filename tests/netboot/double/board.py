@@ -21,6 +21,7 @@ from .text import hexadecimal
 from .variant import FACTORY_ENVIRONMENT, VARIANTS, Variant
 from .wire import Ended, PowerCut, Wire
 
+HANG_S = 600.0  # of a test: no host is as slow
 RAM = 0x4000000
 State = Literal["opened", "off", "prompt", "login", "shell"]
 
@@ -72,7 +73,8 @@ class Board:
             self.wire.deaf()
         self.wire.forget()
         self.puts(f"\n\n{self.variant.version}\n\n{self.variant.head}")
-        self.wire.pause(self._double.start_seconds)
+        if self._double.slow_start:
+            self.wire.tstc(HANG_S)
         self._load_environment()
         self.puts(f"{self.variant.streams}Net:   {self._ports()}")
         self._autoboot()
@@ -248,7 +250,7 @@ class Double:
     "shell" have been there before. prompt, hush: of a build. talks: False is a dead board.
     linux: how a kernel ends. cuts: how many of bootm's last characters are lost; None: the variant's.
     second: how many seconds one of U-Boot's (TFTP's time-outs, sleep) lasts;
-    countdown_second: one of autoboot's; start_seconds: what U-Boot takes from its banner on.
+    countdown_second: one of autoboot's; slow_start: from its banner on U-Boot takes until a key is pressed.
     lines: what has been typed and entered, in order. commands: what of it has run, and of autoboot, as words.
     kernels_started, power_ups: how many.
     """
@@ -268,7 +270,7 @@ class Double:
         baud: int = 115200,
         second: float = 0.02,
         countdown_second: float = 1.0,
-        start_seconds: float = 0.0,
+        slow_start: bool = False,
         seed: int = 980,
     ) -> None:
         self.variant = VARIANTS[variant]
@@ -278,7 +280,7 @@ class Double:
         self.linux: linux.Ending = linux
         self.cuts = cuts
         self.second, self.countdown_second = second, countdown_second
-        self.start_seconds = start_seconds
+        self.slow_start = slow_start
         self.nand = Nand()
         self.ram = dark_memory()
         self.lines: list[str] = []
