@@ -45,10 +45,22 @@ def test_a_manager_is_one_trace(first: Run, folder: Path) -> None:
 @pytest.mark.parametrize("seed", [2, 6])
 def test_what_must_hold_of_snmp(programs: Path, linesim_program: Path, folder: Path, seed: int) -> None:
     world = troubled(seed, TROUBLED_S, 5.0, (Snmp(), Counter()))
-    assert {"rtud", "rtu-snmp", "rtu-modbus-1"} <= {fault.of for fault in world.faults}
+    assert {"rtu-snmp", "rtu-modbus-1"} <= {fault.of for fault in world.faults}
     ran = run_world(world, folder / f"troubled-{seed}")
     violations = judge(ran)
     assert not violations, story(ran, violations)
+
+
+def test_a_freeze_that_is_taken_late_is_no_change(
+    programs: Path, linesim_program: Path, folder: Path
+) -> None:
+    """The agent stops over two freezes: of the first there is no other reading any more."""
+    stop = Fault(29.8, "stop", "rtu-snmp", for_s=12.0)
+    world = replace(calm(1, SECONDS), faults=(stop,), fronts=(Snmp(), Counter()))
+    ran = run_world(world, folder / "late")
+    events = [event for each in ran.told(MANAGER) for event in each.get("events", [])]
+    assert [event[1] for event in events if event[3] == OBJECT] == [FROZEN] * 5
+    assert judge(ran) == []
 
 
 # ---- the judge sees what is wrong ----------------------------------------------------------------------

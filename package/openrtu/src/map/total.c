@@ -64,6 +64,15 @@ bool totals_freeze(struct map *map, const struct map_request *request)
 	return true;
 }
 
+/* Whoever takes it late finds another frozen reading beside it. */
+static void put_freeze(struct map *map, uint32_t point)
+{
+	struct map_update update = {.point = point, .sample = total_current(total_own(map, point)).frozen};
+
+	update.sample.detail |= MAP_COUNTER_FROZEN;
+	event_put(map, &update);
+}
+
 void map_totals_tick(struct map *map)
 {
 	const struct module_entry *self = &map->modules[map->self];
@@ -83,8 +92,7 @@ void map_totals_tick(struct map *map)
 		if (period_s == 0 || now_s / period_s == then_s / period_s || i >= map->config.point_count)
 			continue;
 		carry_out(map, i, MAP_FREEZE_ONLY);
-		event_put(
-		    map, &(struct map_update){.point = i, .sample = total_current(total_own(map, i)).frozen});
+		put_freeze(map, i);
 		any = true;
 	}
 	if (any)

@@ -82,10 +82,8 @@ void snmp_events_begin(struct snmp_agent *agent)
 /* Of the station's own period; any other event of a counter is a change of its quality. */
 static bool is_of_a_freeze(const struct snmp_agent *agent, const struct map_event *event)
 {
-	struct map_sample frozen;
-
-	return agent->config->points[event->point].freeze_s != 0 &&
-	       map_total_read(agent->map, event->point, &frozen) && frozen.time_ns == event->sample.time_ns;
+	return agent->config->points[event->point].type == MAP_COUNTER &&
+	       (event->sample.detail & MAP_COUNTER_FROZEN) != 0;
 }
 
 static enum snmp_event_kind kind_of(const struct snmp_agent *agent, const struct map_event *event)
