@@ -15,13 +15,27 @@ static void mark(struct iec61850_block *block, uint32_t member, unsigned reason,
 		block->due_ns = now_ns + block->buffer_ms * NS_PER_MS;
 }
 
+/*
+ * Who asks for all while a point was not read yet is told so, and nobody else. Its first reading is then a change, also where it is
+ * as the last entry of a former start has it.
+ */
+static void forget_unread(const struct iec61850_model *model, uint32_t point)
+{
+	struct map_sample now;
+
+	if (map_read(model->map, point, &now) && now.time_ns == 0)
+		model->image[point] = now;
+}
+
 void iec61850_note_asked(const struct iec61850_model *model, struct iec61850_block *block, unsigned reason,
 			 int64_t now_ns)
 {
-	const uint32_t count = iec61850_set_of(model, block)->count;
+	const struct iec61850_set *set = iec61850_set_of(model, block);
 
-	for (uint32_t i = 0; i < count; i++)
+	for (uint32_t i = 0; i < set->count; i++) {
+		forget_unread(model, model->members[set->first + i]);
 		mark(block, i, reason, now_ns);
+	}
 	if (block->due_ns != 0)
 		block->due_ns = now_ns; /* who asks for all does not wait */
 }
