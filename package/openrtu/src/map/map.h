@@ -46,7 +46,7 @@ enum map_counter_detail {
 	MAP_COUNTER_SEQUENCE = 0x1f, /* number of the freeze, modulo 32 */
 	MAP_COUNTER_CARRY = 0x20,    /* it overflowed in the period that the freeze ended */
 	MAP_COUNTER_ADJUSTED = 0x40, /* it was reset in that period, by request or at the device */
-	MAP_COUNTER_FROZEN = 0x80,   /* of an event: it is a freeze, and no change of the quality; no BCR has it */
+	MAP_COUNTER_FROZEN = 0x80,   /* of an event: it is a freeze, no change of quality; no BCR has it */
 };
 
 struct map_sample {

@@ -295,7 +295,7 @@ static void test_a_period_freezes_and_tells(void **state)
 	assert_true(map_event_next(commands.requester, &cursor, &event));
 	assert_int_equal(event.point, OTHER_DEVICE);
 	assert_int_equal(event.sample.value.u, 55);
-	assert_int_equal(event.sample.detail, 1);
+	assert_int_equal(event.sample.detail, MAP_COUNTER_FROZEN | 1);
 	assert_false(map_event_next(commands.requester, &cursor, &event));
 	end_commands(&commands);
 }
