@@ -58,6 +58,8 @@ class OfPrograms(History):
 
 @dataclass(frozen=True)
 class Logic(Front):
+    """A program that begins anew may have a first result as its return is told: then it is told twice."""
+
     def configure(self, world: World, config: dict[str, Any], folder: Path) -> None:
         one, other = (f"p{line}.1.i0" for line in world.lines[:2])
         config["logic"] = [

@@ -19,11 +19,11 @@ from plant_judge import (
     History,
     Violation,
     device_of,
-    is_disturbed,
     overlaps,
     seconds,
     troubled_times,
 )
+from plant_same import Event, tell_the_same
 from plant_world import (
     BUILD,
     CHANGES_FROM_S,
@@ -105,21 +105,13 @@ class Reading:
 
 
 @dataclass(frozen=True)
-class Event:
-    """A row of rtuEventTable."""
+class Row(Event):
+    """Of rtuEventTable."""
 
     at_s: float
     epoch: int
     number: int
     kind: int
-    point: str
-    value: int
-    good: bool
-    tag_s: float
-
-    @property
-    def what(self) -> tuple[str, float, int | None]:
-        return self.point, self.tag_s, self.value if self.good else None
 
     def __str__(self) -> str:
         state = "good" if self.good else "not good"
@@ -147,9 +139,9 @@ class Managed:
         ]
 
     @cached_property
-    def events(self) -> list[Event]:
+    def events(self) -> list[Row]:
         return [
-            Event(
+            Row(
                 at_s=(at_s := seconds(each["at"])),
                 epoch=each["epoch"],
                 number=int(number),
@@ -164,7 +156,7 @@ class Managed:
         ]
 
     @cached_property
-    def changes(self) -> list[Event]:
+    def changes(self) -> list[Row]:
         return [one for one in self.events if one.kind == CHANGE and one.point in self.history.held]
 
     @property
@@ -218,24 +210,7 @@ def answers_come(managed: Managed) -> Iterator[Violation]:
 
 
 def tells_the_same(managed: Managed) -> Iterator[Violation]:
-    """As IEC 60870-5-104, and that as SNMP, where nothing keeps an event from either."""
-    history = managed.history
-    by_104 = {
-        (event.point, event.tag_s, event.value if event.good else None)
-        for events in history.events.values()
-        for event in events
-    }
-    by_snmp = {event.what for event in managed.changes}
-    for who, (point, tag_s, value) in [
-        *(("IEC 60870-5-104", what) for what in sorted(by_snmp - by_104, key=str)),
-        *(("SNMP", what) for what in sorted(by_104 - by_snmp, key=str)),
-    ]:
-        if not CHANGES_FROM_S < tag_s < history.end_s - SETTLED_S:
-            continue
-        until_s = tag_s + AFTER_S + history.way_s
-        disturbed = is_disturbed(point, list(history.faults), tag_s - AGE_S, until_s)
-        if not disturbed and not overlaps(managed.own, tag_s - AGE_S, until_s):
-            yield Violation("same", tag_s, f"{point} is {value} of {tag_s:.3f} s, {who} does not tell it")
+    yield from tell_the_same(managed.history, "SNMP", managed.changes, managed.own)
 
 
 def freezes_are_told(managed: Managed) -> Iterator[Violation]:

@@ -22,6 +22,7 @@ from plant_world import GATEWAY, REPOSITORY, PlantError, World, run
 FAULTS = Path(__file__).with_name("faults")
 BUILD = REPOSITORY / "build" / "plant-faults"
 TARGETS = ("rtud/rtud", "modules/rtu-modbus", "modules/rtu-iec104", "centre/rtu-centre", "rtuctl/rtuctl")
+OF_FRONTS = tuple(f"modules/rtu-{name}" for name in ("iec61850", "journal", "logic", "snmp"))
 SECONDS = 300.0
 FAULT_EVERY_S = 8.0
 CPU_S = 600.0
@@ -68,10 +69,10 @@ def fresh_copy() -> Path:
 def built_with(fault: str) -> Iterator[Path]:
     """The folder of the programs."""
     BUILD.mkdir(parents=True, exist_ok=True)
-    native, source = BUILD / "native", fresh_copy()
+    native, source = BUILD / "programs", fresh_copy()
     told("patch", "--strip=1", "--input", FAULTS / f"{fault}.patch", cwd=source)
     if not (native / "build.ninja").exists():
-        told("meson", "setup", "-Dtests=disabled", native, source / "src")
+        told("meson", "setup", "-Dtests=disabled", "-Dsnmp=true", native, source / "src")
     told("ninja", "-C", native, *TARGETS)
     yield native
 
@@ -94,6 +95,8 @@ def look_for(fault: str, most_s: float) -> Found:
         begun_s = cpu_s()
         for seed in count(1):
             world = world_of(seed, SECONDS, FAULT_EVERY_S)
+            if world.fronts:
+                told("ninja", "-C", gateway, *OF_FRONTS)
             rules = failing(world, gateway, folders)
             if rules:
                 rules -= failing(world, GATEWAY, folders)  # without the fault: that does not show it

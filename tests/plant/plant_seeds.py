@@ -11,6 +11,7 @@ from front_counter import Counter
 from front_journal import Journal
 from front_logic import Logic
 from front_masters import SecondMaster
+from front_mms import Mms
 from front_snmp import Snmp
 from plant_world import (
     CHANGES_FROM_S,
@@ -241,7 +242,7 @@ def far(seed: int, seconds: float, fault_every_s: float = 8.0) -> World:
 
 
 def fronts_of(seed: int) -> tuple[Front, ...]:
-    return (SecondMaster(groups=bool(seed % 2)), Logic(), Journal(), Counter(), Snmp())
+    return (SecondMaster(groups=bool(seed % 2)), Logic(), Journal(), Counter(), Snmp(), Mms())
 
 
 def world_of(seed: int, seconds: float, fault_every_s: float = 30.0) -> World:
