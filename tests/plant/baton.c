@@ -126,6 +126,30 @@ void plant_bury(struct plant *plant, uint32_t process)
 	}
 }
 
+/* What the world has started. */
+static uint32_t origin_of(const struct plant *plant, uint32_t process)
+{
+	while (plant->processes[process].parent != PLANT_RUNNER)
+		process = plant->processes[process].parent;
+	return process;
+}
+
+size_t plant_bury_machine(struct plant *plant, uint32_t process, int32_t pids[PLANT_PROCESSES])
+{
+	const uint32_t origin = origin_of(plant, process);
+	size_t count = 0;
+
+	for (uint32_t i = plant->process_count; i-- > 0;) {
+		if (i == origin || i == process || !plant->processes[i].alive ||
+		    origin_of(plant, i) != origin)
+			continue;
+		pids[count++] = plant->processes[i].pid;
+		plant_tell(plant, i, "is killed");
+		plant_bury(plant, i);
+	}
+	return count;
+}
+
 /*
  * Until its descriptors are closed and its parent has been told. The second is done under a lock that waitid() takes, after the
  * descriptor of the process has become readable.
@@ -156,17 +180,27 @@ static bool is_over(const struct plant *plant, const struct plant_fault *fault)
 	return fault->done || fault->to_ns <= plant->now_ns;
 }
 
-bool plant_is_cut(const struct plant *plant, uint16_t port)
+static bool lasts(const struct plant *plant, enum plant_fault_kind kind, uint16_t port)
 {
 	for (uint32_t i = plant->fault_first; i < plant->fault_count; i++) {
 		const struct plant_fault *fault = &plant->faults[i];
 
 		if (fault->from_ns > plant->now_ns)
 			break;
-		if (fault->kind == PLANT_CUT && fault->port == port && !is_over(plant, fault))
+		if (fault->kind == kind && fault->port == port && !is_over(plant, fault))
 			return true;
 	}
 	return false;
+}
+
+bool plant_is_cut(const struct plant *plant, uint16_t port)
+{
+	return lasts(plant, PLANT_CUT, port);
+}
+
+bool plant_disk_is(const struct plant *plant, enum plant_fault_kind kind)
+{
+	return lasts(plant, kind, 0);
 }
 
 bool plant_is_lost(const struct plant *plant, uint16_t port, int64_t since_ns)
@@ -200,7 +234,7 @@ const struct plant_fault *plant_fault_at(struct plant *plant, uint32_t process)
 
 		if (fault->from_ns > plant->now_ns)
 			break;
-		if (fault->kind == PLANT_CUT || is_over(plant, fault) ||
+		if (fault->kind >= PLANT_CUT || is_over(plant, fault) ||
 		    strcmp(fault->name, caller->name) != 0 || !is_due(fault, caller))
 			continue;
 		fault->done = true;

@@ -75,22 +75,47 @@ void client_changes(void)
 	plant->changes++;
 }
 
-void client_leave(const char *how)
+/* Gives the baton away for the last time. */
+static void part(void)
 {
 	struct plant *left = plant;
 
-	if (!left->processes[client_self].alive)
-		return;
-	client_tell("%s", how);
-	plant_bury(left, client_self);
 	plant = NULL;
 	plant_pass(left, client_self);
+}
+
+void client_leave(const char *how)
+{
+	if (!plant->processes[client_self].alive)
+		return;
+	client_tell("%s", how);
+	plant_bury(plant, client_self);
+	part();
+}
+
+/* The baton goes first: with its parent the kernel kills this process. Who has it then waits for all that are dying. */
+__attribute__((noreturn)) static void lose_power(void)
+{
+	int32_t pids[PLANT_PROCESSES];
+	size_t count;
+
+	disk_loses_power();
+	client_tell("is killed");
+	plant_bury(plant, client_self);
+	count = plant_bury_machine(plant, client_self, pids);
+	part();
+	for (size_t i = 0; i < count; i++)
+		real_syscall(SYS_kill, pids[i], SIGKILL, 0, 0, 0, 0);
+	real_syscall(SYS_kill, getpid(), SIGKILL, 0, 0, 0, 0);
+	abort();
 }
 
 static void suffer(const struct plant_fault *fault)
 {
 	sigset_t all, own;
 
+	if (fault->kind == PLANT_POWER)
+		lose_power();
 	if (fault->kind == PLANT_KILL) {
 		client_leave("is killed");
 		real_syscall(SYS_kill, getpid(), SIGKILL, 0, 0, 0, 0);

@@ -107,4 +107,12 @@ enum fd_kind { FD_FILE, FD_SOCKET, FD_TERMINAL, FD_OTHER };
 enum fd_kind files_kind(int fd);
 void files_forget(unsigned first, unsigned last);
 
+/* ---- the flash: disk.c */
+
+/* False: it is none of its files. */
+bool disk_writes(int fd, const void *octets, size_t size, ssize_t *written);
+bool disk_gives_nothing(int fd); /* to who reads; with errno */
+void disk_loses_power(void);
+void disk_forget(int fd);
+
 #endif

@@ -187,7 +187,7 @@ ssize_t read(int fd, void *out, size_t size)
 	client_begin();
 	kind = plant ? files_kind(fd) : FD_FILE;
 	if (kind == FD_FILE)
-		return real.read(fd, out, size);
+		return disk_gives_nothing(fd) ? -1 : real.read(fd, out, size);
 	client_call();
 	return took("read", fd, kind, out, take(fd, kind, out, size));
 }
@@ -214,11 +214,12 @@ static ssize_t give(int fd, const void *octets, size_t size)
 ssize_t write(int fd, const void *octets, size_t size)
 {
 	enum fd_kind kind;
+	ssize_t written;
 
 	client_begin();
 	kind = plant ? files_kind(fd) : FD_FILE;
 	if (kind == FD_FILE)
-		return real.write(fd, octets, size);
+		return disk_writes(fd, octets, size, &written) ? written : real.write(fd, octets, size);
 	client_call();
 	if (wait_blocking(fd, POLLOUT) < 0)
 		return -1;
@@ -373,6 +374,7 @@ static void forget(int fd)
 	epoll_forget(fd);
 	timer_forget(fd);
 	network_forget(fd);
+	disk_forget(fd);
 	datagrams_forget(fd);
 	if (fd >= 0 && fd < CLIENT_FDS)
 		known_kinds[fd] = FD_FILE;

@@ -42,6 +42,12 @@ static const char help[] =
     "  end      TIME\n"
     "  start    NAME TIME STDOUT STDERR PROGRAM [ARGUMENT]...\n"
     "  kill     NAME TIME CALLS          at its call number CALLS from TIME on, if it makes it within 10 s\n"
+    "  power    NAME TIME CALLS          the same, with all others that what started it has brought; the "
+    "disk loses what was not synchronised\n"
+    "  disk     FOLDER                   is a disk: FOLDER.log says what changes it\n"
+    "  full     TIME TO                  the disk is full\n"
+    "  refuses  TIME TO                  half of what would change it fails\n"
+    "  worn     TIME TO                  half of what reads it fails\n"
     "  stop     NAME TIME CALLS FOR      it does not run for that long\n"
     "  cut      PORT TIME TO             no octet passes the TCP port\n"
     "  lose     PORT TIME                nothing of its connections arrives any more; new ones can be made\n"
@@ -124,6 +130,21 @@ static void add_fault(enum plant_fault_kind kind, char *words[], size_t count)
 	plant->fault_count++;
 }
 
+static void add_disk_fault(enum plant_fault_kind kind, char *words[])
+{
+	if (plant->fault_count == PLANT_FAULTS)
+		give_up(WRONG_USAGE, words[0], "too many faults");
+	plant->faults[plant->fault_count++] = (struct plant_fault){
+	    .kind = kind, .from_ns = BEGIN_NS + ns_of(words[1]), .to_ns = BEGIN_NS + ns_of(words[2])};
+}
+
+static void set_disk(const char *path)
+{
+	if (!path || path[0] != '/' || strlen(path) >= sizeof(plant->disk))
+		give_up(WRONG_USAGE, "disk", "expected a folder's whole path");
+	strcpy(plant->disk, path);
+}
+
 static void add_loss(char *words[])
 {
 	if (plant->loss_count == PLANT_LOSSES)
@@ -190,6 +211,16 @@ static void take_line(char *line)
 		add_fault(PLANT_KILL, words, count);
 	else if (strcmp(words[0], "stop") == 0)
 		add_fault(PLANT_STOP, words, count);
+	else if (strcmp(words[0], "power") == 0)
+		add_fault(PLANT_POWER, words, count);
+	else if (strcmp(words[0], "disk") == 0)
+		set_disk(words[1]);
+	else if (strcmp(words[0], "full") == 0)
+		add_disk_fault(PLANT_FULL, words);
+	else if (strcmp(words[0], "refuses") == 0)
+		add_disk_fault(PLANT_REFUSES, words);
+	else if (strcmp(words[0], "worn") == 0)
+		add_disk_fault(PLANT_WORN, words);
 	else if (strcmp(words[0], "cut") == 0)
 		add_fault(PLANT_CUT, words, count);
 	else if (strcmp(words[0], "lose") == 0)

@@ -50,6 +50,8 @@ LINES_A_MINUTE = 60  # of a program: worlds with a fault every 8 s have half as 
 MINUTE = len("2026-01-01T00:00")
 ANSWERS_LEAST = 15  # of a device that lives, in each window: two reads a second, and a neighbour's time-outs
 JOURNAL_S = 90.0  # what waits in a gateway without a journal, and is lost with rtud
+RECORDED_S = 5.0  # until an event is in the journal: it is read, waits for the next record, and is written
+DISK = ("full", "refuses", "worn")
 BEGINS_ANEW = ("kill", "stop", "hung", "cut", "lost")  # a process, or a connection
 EVENTS = (3, 11)  # spontaneous, and what a command has changed
 EXECUTED, REFUSED = 9, 8
@@ -120,6 +122,11 @@ def change_of(at_s: float, command: str) -> Change:
     return Change(at_s, device, table, int(address), int(value))
 
 
+def seen(fault: Fault) -> Fault:
+    """As what: without power rtud ends, and all with it."""
+    return replace(fault, kind="kill", of="rtud") if fault.kind == "blackout" else fault
+
+
 def held_until_s(hold: Fault) -> float:
     """A stop waits for its call; then what waited is dealt with."""
     return hold.end_s + (CALL_WITHIN_S if hold.kind == "stop" else 0.0) + PASSED_ON_S
@@ -143,7 +150,7 @@ class History:
     def __init__(self, run: Run, master: Master | None = None) -> None:
         self.run = run
         self.master = master or Master()
-        self.faults = tuple(map(self.master.sees, run.world.faults))
+        self.faults = tuple(self.master.sees(seen(fault)) for fault in run.world.faults)
         self.end_s = run.world.seconds
 
     @cached_property
@@ -358,7 +365,7 @@ def events_are_in_order(history: History) -> Iterator[Violation]:
 def is_trouble_of(device: str, fault: Fault) -> bool:
     """It may keep the device from being read. What comes late falls into what others say on the line."""
     line = device.split(".")[0]
-    if fault.kind in ("reload", "closing", "tearing", "idling"):
+    if fault.kind in ("reload", "closing", "tearing", "idling", *DISK):
         return False
     if fault.kind in ("cut", "lost", "power"):
         return (line, fault.of) == (f"{NETWORKED}", f"{MODBUS_PORT}")
@@ -404,24 +411,42 @@ def device_of(point: str) -> str:
     return f"{ca // 1000}.{ca % 1000}"
 
 
-def keeps_events(history: History, rtud_killed_s: float) -> bool:
-    """There is a journal, which nothing had kept from its work."""
+def unwritten_from_s(history: History, end: Fault) -> float:
+    """From when on the journal need not have what happens, if that ends it; all, if it is not read again."""
+    from_s = end.at_s - RECORDED_S
+    for fault in sorted(history.faults, key=lambda fault: fault.at_s, reverse=True):
+        near = fault.at_s < end.at_s + CALL_WITHIN_S + AFTER_S and fault.end_s + RECORDED_S > from_s
+        if fault.kind == "worn" and near:
+            return end.at_s - JOURNAL_S
+        if fault.kind in ("full", "refuses") and near:
+            from_s = min(from_s, fault.at_s - RECORDED_S)
+    return from_s
+
+
+def has_journal(history: History, end: Fault) -> bool:
+    """One that nothing had kept from its work before the gateway's end."""
     if not any(JOURNAL in front.processes for front in history.run.world.fronts):
         return False
     kept_up = [(fault.at_s, fault.end_s + AFTER_S) for fault in history.faults if fault.of == JOURNAL]
-    return not overlaps(kept_up, rtud_killed_s - AFTER_S, rtud_killed_s)
+    return not overlaps(kept_up, end.at_s - AFTER_S, end.at_s)
+
+
+def goes_with_the_gateway(history: History, since_s: float) -> bool:
+    """What came then may have waited in it, as it ended."""
+    for fault in history.faults:
+        if (fault.kind, fault.of) != ("kill", "rtud"):
+            continue
+        journal = has_journal(history, fault)
+        from_s = unwritten_from_s(history, fault) if journal else fault.at_s - JOURNAL_S
+        if from_s < since_s < fault.at_s + (CALL_WITHIN_S + AFTER_S if journal else JOURNAL_S):
+            return True
+    return False
 
 
 def could_be_lost(point: str, since_s: float, until_s: float, history: History) -> bool:
     """The line was not read meanwhile, or the gateway went with what waited in it."""
-    if overlaps(troubled_times(device_of(point), history.faults), since_s, until_s):
-        return True
-    return any(
-        (fault.kind, fault.of) == ("kill", "rtud")
-        and abs(fault.at_s - since_s) < JOURNAL_S
-        and not keeps_events(history, fault.at_s)
-        for fault in history.faults
-    )
+    troubled = troubled_times(device_of(point), history.faults)
+    return overlaps(troubled, since_s, until_s) or goes_with_the_gateway(history, since_s)
 
 
 def lifeless_times(events: list[Told]) -> Iterator[tuple[float, float]]:

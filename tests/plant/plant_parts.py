@@ -8,6 +8,7 @@ import contextlib
 import json
 import os
 import select
+import shutil
 import socket
 import struct
 import sys
@@ -192,6 +193,22 @@ def keep(program: str, *arguments: str) -> None:
         time.sleep(RESTART_S)
 
 
+def keep_machine(disk: Path, map_: Path, program: str, *arguments: str) -> None:
+    """The same, of a machine that may lose its power: its memory is gone then, its disk as it was left."""
+    sys.path.append(str(Path(__file__).parent))
+    from plant_disk import restore_after_a_power_cut
+
+    while True:
+        pid = os.fork()
+        if pid == 0:
+            os.execve(program, [program, *arguments], os.environ)
+        os.waitpid(pid, 0)
+        if restore_after_a_power_cut(disk):
+            shutil.rmtree(map_, ignore_errors=True)
+            say(kind="power is back")
+        time.sleep(RESTART_S)
+
+
 if __name__ == "__main__":
     match sys.argv[1:]:
         case ["consume", path, orders]:
@@ -204,5 +221,7 @@ if __name__ == "__main__":
             watch(Path(path))
         case ["reload", map_, folder, rtuctl]:
             reload(map_, Path(folder), rtuctl)
+        case ["keep-machine", disk, map_, *words]:
+            keep_machine(Path(disk), Path(map_), *words)
         case ["keep", *words]:
             keep(*words)

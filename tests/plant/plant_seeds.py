@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 from front_counter import Counter
+from front_disk import Disk
 from front_journal import Journal
 from front_logic import Logic
 from front_masters import SecondMaster
@@ -41,6 +42,9 @@ BAD_S, QUIET_S = 60.0, 80.0
 KILLS_APART_S = 10.0  # two in one instant of the plant would tell the same twice
 LINE_LONGEST_S = 40.0
 LATEST_S = 3.0
+STORING = ("rtu-journal", "rtu-journal", "rtud")  # who loses power at a call of theirs
+STORING_CALLS = 40
+DISK_LONGEST_S = 30.0
 STALLS_MAX = 20
 STALL_LONGEST_S = 3.0
 STALL_CALLS_MAX = 20
@@ -104,6 +108,15 @@ class Field:
                 return Fault(at_s, kind, f"{PORT}", for_s=for_s)
             case _:
                 return Fault(at_s, kind, self.random.choice(self.modules), calls, for_s)
+
+    def disk_fault(self, at_s: float) -> Fault:
+        kind = self.random.choice(("blackout", "blackout", "full", "refuses", "worn"))
+        if kind == "blackout":
+            return Fault(at_s, kind, self.random.choice(STORING), self.random.randrange(STORING_CALLS))
+        return Fault(at_s, kind, "disk", for_s=round(DISK_LONGEST_S * self.random.random() ** 2, 3))
+
+    def stored_fault(self, at_s: float) -> Fault:
+        return self.random.choice((self.fault, self.disk_fault))(at_s)
 
     def order(self, at_s: float, value: int) -> Order:
         line, unit = map(int, self.device().split("."))
@@ -224,6 +237,14 @@ def troubled(seed: int, seconds: float, fault_every_s: float = 30.0, fronts: tup
     return World(seed, seconds, changes, of_seed.made_by(of_seed.fault, fault_every_s), fronts=fronts)
 
 
+def stored(seed: int, seconds: float, fault_every_s: float = 30.0) -> World:
+    """The same, of a gateway with a journal that loses its power, and whose disk fails."""
+    disk = (Disk(),)
+    of_seed = Field(random.Random(seed), seconds, modules=modules_of(disk))
+    changes = of_seed.changes(mean_s=1.0)
+    return World(seed, seconds, changes, of_seed.made_by(of_seed.stored_fault, fault_every_s), fronts=disk)
+
+
 def restless(seed: int, seconds: float, fault_every_s: float = 8.0) -> World:
     """Devices are silent or late, lines are unplugged, the host is busy; then all is well for some time."""
     of_seed = Field(random.Random(seed), seconds)
@@ -246,12 +267,14 @@ def fronts_of(seed: int) -> tuple[Front, ...]:
 
 
 def world_of(seed: int, seconds: float, fault_every_s: float = 30.0) -> World:
-    """Each fifth has all fronts. Of three others one is about programs, one far away, one about lines."""
+    """Each fifth has all fronts. Of six others two are about lines, two far away, one a disk."""
     if seed % ALL_FRONTS == 0:
         return troubled(seed, seconds, fault_every_s, fronts_of(seed))
-    match seed % 3:
-        case 0:
+    match seed % 6:
+        case 0 | 3:
             return restless(seed, seconds)
         case 1:
             return troubled(seed, seconds, fault_every_s)
+        case 4:
+            return stored(seed, seconds, fault_every_s)
     return far(seed, seconds, fault_every_s)

@@ -61,6 +61,10 @@ class Fault:
     def __str__(self) -> str:
         what = {
             "kill": f"{self.of} is killed at its call {self.calls}",
+            "blackout": f"the gateway loses power at call {self.calls} of {self.of}",
+            "full": f"the disk is full for {self.for_s:.3f} s",
+            "refuses": f"the disk fails half of what changes it, for {self.for_s:.3f} s",
+            "worn": f"the disk fails half of what reads it, for {self.for_s:.3f} s",
             "stop": f"{self.of} stops for {self.for_s:.3f} s at its call {self.calls}",
             "cut": f"TCP port {self.of} is cut for {self.for_s:.3f} s",
             "lost": f"connections to TCP port {self.of} are lost, and nobody is told",
@@ -178,6 +182,8 @@ Programs = dict[str, tuple[float, list[str]]]  # of each name, when it starts an
 class Front:
     """Who else looks at the gateway, or what else it has: a front, a master, programs, a journal."""
 
+    has_disk = False  # its folder "data" is one
+
     def configure(self, world: World, config: dict[str, Any], folder: Path) -> None:
         """Its part of the gateway's configuration."""
 
@@ -272,6 +278,10 @@ class World:
         return config
 
     @property
+    def has_disk(self) -> bool:
+        return any(front.has_disk for front in self.fronts)
+
+    @property
     def points(self) -> dict[str, tuple[int, int]]:
         """Of all configurations: the unit of each, and its information object."""
         return {
@@ -335,9 +345,10 @@ class World:
         rtud = [f"{gateway}/rtud/rtud", "--uid-base", "0", "--map", f"{folder}/map", "--dev", f"{dev}"]
         rtud += ["--modules", f"{gateway}/modules", f"{folder}/gateway.json"]
         centre = [f"{gateway}/centre/rtu-centre", "--socket", f"{consumer}", f"{folder}/centre.json"]
+        keep = ["keep-machine", f"{folder}/data", f"{folder}/map"] if self.has_disk else ["keep"]
         programs: Programs = {
             "linesim": (0.0, linesim),
-            "gateway": (0.5, part("keep", *rtud)),
+            "gateway": (0.5, part(*keep, *rtud)),
             "centre": (1.0, part("keep", *centre)),
             "consumer": (1.5, part("consume", f"{consumer}", f"{folder}/orders")),
             "watch": (1.5, part("watch", f"{dev}/control")),
@@ -354,6 +365,8 @@ class World:
             lines += [["host", name, address] for name, address in front.hosts.items()]
         for name, (at_s, words) in programs.items():
             lines.append(["start", name, f"{at_s}", f"{folder}/{name}.out", f"{folder}/{name}.log", *words])
+        if self.has_disk:
+            lines.append(["disk", f"{folder}/data"])
         for link in self.links:
             lines.append(["delay", f"{link.port}", f"{link.least_s}", f"{link.most_s}"])
         for fault in self.faults:
@@ -364,6 +377,10 @@ class World:
                     lines.append(["stop", fault.of, f"{fault.at_s}", f"{fault.calls}", f"{fault.for_s}"])
                 case "cut":
                     lines.append(["cut", fault.of, f"{fault.at_s}", f"{fault.end_s}"])
+                case "blackout":
+                    lines.append(["power", fault.of, f"{fault.at_s}", f"{fault.calls}"])
+                case "full" | "refuses" | "worn":
+                    lines.append([fault.kind, f"{fault.at_s}", f"{fault.end_s}"])
                 case "step":
                     lines.append(["step", f"{fault.at_s}", f"{fault.by_s}"])
                 case "lost":

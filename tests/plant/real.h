@@ -26,6 +26,15 @@ struct timespec;
 	X(ssize_t, sendmsg, (int, const struct msghdr *, int))                                               \
 	X(int, poll, (struct pollfd *, nfds_t, int))                                                         \
 	X(int, epoll_ctl, (int, int, int, struct epoll_event *))                                             \
+	X(int, openat, (int, const char *, int, ...))                                                        \
+	X(ssize_t, pread, (int, void *, size_t, off_t))                                                      \
+	X(ssize_t, pwrite, (int, const void *, size_t, off_t))                                               \
+	X(int, ftruncate, (int, off_t))                                                                      \
+	X(int, fsync, (int))                                                                                 \
+	X(int, fdatasync, (int))                                                                             \
+	X(int, renameat, (int, const char *, int, const char *))                                             \
+	X(int, unlinkat, (int, const char *, int))                                                           \
+	X(int, mkdir, (const char *, mode_t))                                                                \
 	X(int, close, (int))                                                                                 \
 	X(int, dup2, (int, int))                                                                             \
 	X(int, socket, (int, int, int))                                                                      \

@@ -20,6 +20,7 @@
 #define PLANT_NAME_SIZE 24
 #define PLANT_TRACE     (64u << 10)
 #define PLANT_LINE      256
+#define PLANT_PATH      512
 #define PLANT_NEVER     INT64_MAX
 #define PLANT_RUNNER    UINT32_MAX /* in the place of a process: the runner */
 #define PLANT_NS        INT64_C(1000000000)
@@ -43,11 +44,19 @@ struct plant_process {
 	char name[PLANT_NAME_SIZE];
 };
 
-enum plant_fault_kind { PLANT_KILL, PLANT_STOP, PLANT_CUT };
+enum plant_fault_kind {
+	PLANT_KILL,
+	PLANT_STOP,
+	PLANT_POWER, /* all that the same start has brought die with it, and the disk loses what it had not written */
+	PLANT_CUT,
+	PLANT_FULL,    /* the disk: */
+	PLANT_REFUSES, /* errors of half of what would change it */
+	PLANT_WORN,    /* of half of what reads it */
+};
 
 /*
  * From from_ns on: a process dies, or stops for for_ns, at its call number calls, if it makes it before to_ns; or no octet passes a
- * TCP port until to_ns.
+ * TCP port, or the disk has that until to_ns.
  */
 struct plant_fault {
 	enum plant_fault_kind kind;
@@ -129,6 +138,7 @@ struct plant {
 	uint32_t flight_count;
 	struct plant_flight flights[PLANT_FLIGHTS];
 	struct plant_name names[PLANT_NAMES];
+	char disk[PLANT_PATH]; /* a folder; empty: there is none */
 	uint32_t dying_count;
 	int32_t dying[PLANT_DYING]; /* have left the baton, and may still have descriptors */
 	uint32_t trace_size;
@@ -151,6 +161,9 @@ void plant_pass(struct plant *plant, uint32_t self);
 /* The process, and those that the kernel kills with it, are part of the plant no more. */
 void plant_bury(struct plant *plant, uint32_t process);
 
+/* All others that what started the process has brought: those of its machine. Returns how many are to be killed, parents last. */
+size_t plant_bury_machine(struct plant *plant, uint32_t process, int32_t pids[PLANT_PROCESSES]);
+
 /* Until those that left the baton as they ended have no descriptor any more, and their parents know. */
 void plant_await_the_dying(struct plant *plant);
 
@@ -164,6 +177,9 @@ __attribute__((format(printf, 3, 4))) void plant_tell(struct plant *plant, uint3
 
 /* No octet passes this port now. */
 bool plant_is_cut(const struct plant *plant, uint16_t port);
+
+/* The disk has such a fault now. */
+bool plant_disk_is(const struct plant *plant, enum plant_fault_kind kind);
 
 /* What was connected to this port then is lost by now. */
 bool plant_is_lost(const struct plant *plant, uint16_t port, int64_t since_ns);

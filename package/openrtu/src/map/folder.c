@@ -6,15 +6,51 @@
 #include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include "map/config.h"
+
+static int open_above(const char *path)
+{
+	char above[MAP_FILE_SIZE];
+	char *slash;
+
+	snprintf(above, sizeof(above), "%s", path);
+	slash = strrchr(above, '/');
+	if (slash == NULL)
+		return open(".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+	slash[slash == above] = '\0';
+	return open(above, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+}
+
+/* Else a power cut takes it away, with all that was synchronised in it. */
+static int synchronise_entry(const char *path)
+{
+	const int above = open_above(path);
+	int result, error;
+
+	if (above < 0)
+		return -1;
+	result = fsync(above);
+	error = errno;
+	close(above);
+	errno = error;
+	return result;
+}
 
 /* The module's user has to walk through it, whatever the umask. */
 static int make_folder(const char *path)
 {
-	if (mkdir(path, 0755) == 0)
-		return chmod(path, 0755);
-	return errno == EEXIST ? 0 : -1;
+	int error;
+
+	if (mkdir(path, 0755) < 0)
+		return errno == EEXIST ? 0 : -1;
+	if (chmod(path, 0755) == 0 && synchronise_entry(path) == 0)
+		return 0;
+	error = errno;
+	rmdir(path);
+	errno = error;
+	return -1;
 }
 
 /* Each folder on the way, as mkdir -p. */
