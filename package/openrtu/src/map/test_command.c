@@ -290,11 +290,39 @@ static void test_nothing_is_repeated_after_a_crash(void **state)
 	end_commands(&commands);
 }
 
+static int64_t time_of_command(const struct stage *stage, uint32_t point)
+{
+	struct map_command command;
+
+	assert_true(map_command_read(stage->rtud, point, &command));
+	return command.time_ns;
+}
+
 static void restart_owner(struct stage *stage, struct command_stage *commands)
 {
 	map_module_ended(stage->rtud, index_of(stage, FIRST), true);
 	map_detach(commands->owner);
 	commands->owner = start(stage, FIRST);
+}
+
+/* A release is one, and so is the end of what was under way when its owner died; what had ended before is as of then. */
+static void test_a_state_is_as_of_its_last_change(void **state)
+{
+	struct stage *stage = *state;
+	struct command_stage commands = start_commands(stage);
+	int64_t since_ns;
+
+	assert_true(post(&commands, request(1, MAP_EXECUTE, 1, 255)));
+	map_command_finish(commands.owner, 1, MAP_RESULT_DONE, 0);
+	since_ns = map_now_ns();
+	assert_false(post(&commands, request(1, MAP_RELEASE, 1, 0)));
+	assert_true(time_of_command(stage, 1) >= since_ns);
+	assert_true(post(&commands, request(2, MAP_EXECUTE, 1, 255)));
+	since_ns = map_now_ns();
+	restart_owner(stage, &commands);
+	assert_true(time_of_command(stage, 1) < since_ns);
+	assert_true(time_of_command(stage, 2) >= since_ns);
+	end_commands(&commands);
 }
 
 static void assert_result(const struct stage *stage, uint32_t point, enum map_command_result result)
@@ -360,6 +388,7 @@ int main(void)
 	    TEST(test_one_command_a_point_at_a_time),
 	    TEST(test_old_and_impossible_commands_are_refused),
 	    TEST(test_nothing_is_repeated_after_a_crash),
+	    TEST(test_a_state_is_as_of_its_last_change),
 	    TEST(test_a_pulse_outlives_its_owner),
 	    TEST(test_what_the_device_confirmed_is_done_though_its_owner_died),
 	};

@@ -194,6 +194,29 @@ static void test_another_value_replaces_it(void **state)
 	map_detach(owner);
 }
 
+/* What ends is one point's; another of the same line, and those of the same number on another line, are what they were. */
+static void test_it_is_one_points(void **state)
+{
+	struct stage *stage = *state;
+	struct map *owner = start(stage, FIRST), *neighbour = start(stage, SECOND);
+	const struct map_update update = scaled(4 + LEVEL, 6, MAP_GOOD, map_now_ns());
+
+	publish(owner, 5, MAP_GOOD);
+	map_publish(neighbour, &update, 1);
+	force(stage, LEVEL, 77);
+	force(stage, OTHER, 79);
+	map_heartbeat(owner);
+	map_heartbeat(neighbour);
+	assert_sample(stage->rtud, 4 + LEVEL, 6, MAP_GOOD);
+	assert_true(map_unforce(stage->rtud, LEVEL));
+	map_heartbeat(owner);
+	assert_sample(stage->rtud, LEVEL, 5, MAP_GOOD);
+	assert_sample(stage->rtud, OTHER, 79, MAP_SUBSTITUTED);
+	assert_int_equal(owner->covers, 1);
+	map_detach(neighbour);
+	map_detach(owner);
+}
+
 static void test_the_table_is_bounded(void **state)
 {
 	struct stage *stage = *state;
@@ -231,6 +254,7 @@ int main(void)
 	    TEST(test_what_ends_while_the_owner_is_dead_is_over),
 	    TEST(test_an_owner_killed_anywhere_leaves_no_force),
 	    TEST(test_another_value_replaces_it),
+	    TEST(test_it_is_one_points),
 	    TEST(test_the_table_is_bounded),
 	    TEST(test_what_could_not_be_told_is_not_forced),
 	};

@@ -239,6 +239,17 @@ static void test_wrong_values_are_refused(void **state)
 	end_commands(&commands);
 }
 
+static void test_the_limits_may_be_one(void **state)
+{
+	struct command_stage commands = start_commands(*state);
+
+	load(&commands, LEVEL, MAP_LOW_LIMIT, 50, true);
+	load(&commands, LEVEL, MAP_HIGH_LIMIT, 50, true);
+	load(&commands, LEVEL, MAP_LOW_LIMIT, 51, false);
+	load(&commands, LEVEL, MAP_LOW_LIMIT, 50, true);
+	end_commands(&commands);
+}
+
 static void test_parameters_survive_their_owner(void **state)
 {
 	struct stage *stage = *state;
@@ -284,6 +295,7 @@ int main(void)
 	    MEASURED(test_smoothing_begins_with_the_last_value),
 	    MEASURED(test_a_blocked_value_is_smoothed_and_an_overflow_is_not),
 	    MEASURED(test_wrong_values_are_refused),
+	    MEASURED(test_the_limits_may_be_one),
 	    MEASURED(test_parameters_survive_their_owner),
 	    cmocka_unit_test(test_numbers_are_rounded_as_rint_does),
 	};

@@ -8,6 +8,7 @@
 
 #include "map/lines.h"
 #include "map/repeats.h"
+#include "map/trouble.h"
 
 #define S NS_PER_S
 
@@ -83,6 +84,21 @@ static void test_lines_have_a_pace(void **state)
 	assert_false(map_lines_take(&lines, pace, 101 * S));
 }
 
+static void test_a_duration_is_said_in_its_unit(void **state)
+{
+	static const struct {
+		int64_t ns;
+		const char *said;
+	} durations[] = {
+	    {S - 1, "999 ms"},          {S, "1 s"},         {299 * S, "299 s"},     {300 * S, "5 min"},
+	    {18000 * S - 1, "299 min"}, {18000 * S, "5 h"}, {50 * 3600 * S, "50 h"}};
+	char text[MAP_DURATION_SIZE];
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(durations) / sizeof(durations[0]); i++)
+		assert_string_equal(map_duration(durations[i].ns, text), durations[i].said);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -90,6 +106,7 @@ int main(void)
 	    cmocka_unit_test(test_what_was_not_said_is_said_when_it_is_due),
 	    cmocka_unit_test(test_after_an_hour_it_begins_anew),
 	    cmocka_unit_test(test_lines_have_a_pace),
+	    cmocka_unit_test(test_a_duration_is_said_in_its_unit),
 	};
 	return cmocka_run_group_tests_name("map repeats", tests, NULL, NULL);
 }
