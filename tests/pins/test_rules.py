@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import dataclasses
 import subprocess
-import time
+import sys
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -358,14 +359,16 @@ def test_without_table_and_package_their_rules_are_silent(tmp_path: Path) -> Non
     assert rules_of(check(tree, CHIP, BOARD)) == {"table-gpio", "reserved-pin"}
 
 
-def test_a_check_takes_less_than_50_milliseconds_of_the_processor(tmp_path: Path) -> None:
+def test_a_check_of_a_board_takes_few_steps(tmp_path: Path) -> None:
+    """An editor has it made at each pause of who types. A call takes a fraction of a microsecond."""
     tree = read(tmp_path, REPORT, REPORT_SOC)
-    runs = []
-    for _ in range(5):
-        start = time.process_time()
+    calls: Counter[str] = Counter()
+    sys.setprofile(lambda frame, event, argument: calls.update([event]))
+    try:
         check(tree, CHIP, BOARD, BOARD.package)
-        runs.append(time.process_time() - start)
-    assert min(runs) < 0.05
+    finally:
+        sys.setprofile(None)
+    assert calls["call"] + calls["c_call"] < 100_000
 
 
 @pytest.mark.slow

@@ -449,7 +449,7 @@ def test_stop_of_the_gateway_ends_pulses(programs: Path) -> None:
 def test_pulse_of_unknown_fate_is_ended(plant: Plant, master: RawMaster) -> None:
     """The line process dies while it waits for the answer to the write that switches on."""
     mark = plant.lines.mark()
-    plant.lines.fault(DEVICE, "delay", 120)
+    plant.lines.fault(DEVICE, "delay", 10_000)
     pid = plant.pid("rtu-modbus-1")
     master.request(C_SC, CA, SINGLE, bytes([LONG | 1]))
     plant.lines.wait_frame(lambda f: f.kind == "received" and f.bytes[1] == 5, since=mark)
