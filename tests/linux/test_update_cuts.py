@@ -341,7 +341,7 @@ def replays(update: Update, tmp_path: Path) -> Iterator[list[Replay]]:
         replay.nand.path.unlink()
 
 
-@pytest.mark.parametrize("count", often(30, ALL))
+@pytest.mark.parametrize("count", often(12, ALL))
 def test_cut_anywhere(
     count: int,
     update: Update,
