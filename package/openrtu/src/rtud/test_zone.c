@@ -2,6 +2,7 @@
 /* Time zones as the configuration has them and as the wire shows them, beside the C library's own idea of them. */
 #include <setjmp.h>
 #include <stdarg.h>
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>
@@ -13,9 +14,10 @@
 #include "iec104/time56.h"
 #include "map/time_ns.h"
 
-#define BEGIN_S 946857600LL  /* 2000-01-03 */
-#define END_S   4102272000LL /* 2099-12-30 */
-#define STEP_S  1799 /* drifts through the hours, and hits both sides of each border within half an hour */
+#define BEGIN_S 946944000LL  /* 2000-01-04 */
+#define END_S   4102185600LL /* 2099-12-29 */
+#define STEP_S  43201        /* drifts through the hours of the day */
+#define NEAR_S  299          /* around a border */
 #define SU_BIT  0x80
 
 static const char *const zones[] = {
@@ -48,6 +50,20 @@ static void assert_like_the_library(const struct map_zone *zone, int64_t second)
 	assert_int_equal(octets[6], local.tm_year - 100);
 }
 
+static bool is_summer(int64_t second)
+{
+	time_t when = (time_t)second;
+	struct tm local;
+
+	return localtime_r(&when, &local)->tm_isdst > 0;
+}
+
+static void assert_around_a_border(const struct map_zone *zone, int64_t second)
+{
+	for (int64_t near = second - STEP_S; near < second + 2 * STEP_S; near += NEAR_S)
+		assert_like_the_library(zone, near);
+}
+
 static void test_zones_are_the_librarys(void **state)
 {
 	(void)state;
@@ -57,8 +73,11 @@ static void test_zones_are_the_librarys(void **state)
 		assert_true(config_read_zone(zones[i], &zone));
 		setenv("TZ", zones[i], 1);
 		tzset();
-		for (int64_t second = BEGIN_S; second < END_S; second += STEP_S)
+		for (int64_t second = BEGIN_S; second < END_S; second += STEP_S) {
 			assert_like_the_library(&zone, second);
+			if (is_summer(second) != is_summer(second + STEP_S))
+				assert_around_a_border(&zone, second);
+		}
 	}
 }
 
