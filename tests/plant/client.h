@@ -99,6 +99,16 @@ bool datagrams_is(int fd);
 ssize_t datagrams_send(int fd, const struct msghdr *message, int flags);
 ssize_t datagrams_receive(int fd, struct msghdr *message, int flags);
 
+/* ---- Ethernet: packets.c */
+
+int packets_socket(int type, int protocol);
+uint32_t packets_tap(int fd); /* 0: it is no packet socket */
+void packets_forget(int fd);
+int packets_bind(int fd);
+int packets_name(int fd, struct sockaddr *out, socklen_t *size);
+ssize_t packets_send(int fd, const void *frame, size_t size);
+bool packets_control(unsigned long request, void *argument);
+
 /* ---- descriptors: files.c */
 
 /* FD_FILE: nobody waits for it. FD_OTHER: a pipe, or what the kernel made for this process alone, as a timer. */

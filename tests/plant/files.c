@@ -303,6 +303,8 @@ static ssize_t send_on(int fd, const void *octets, size_t size, int flags, const
 {
 	ssize_t result;
 
+	if (packets_tap(fd))
+		return packets_send(fd, octets, size);
 	if (datagrams_is(fd))
 		return send_datagram(fd, octets, size, flags, address, address_size);
 	if (network_is_lost(fd))
@@ -376,6 +378,7 @@ static void forget(int fd)
 	network_forget(fd);
 	disk_forget(fd);
 	datagrams_forget(fd);
+	packets_forget(fd);
 	if (fd >= 0 && fd < CLIENT_FDS)
 		known_kinds[fd] = FD_FILE;
 }
@@ -444,6 +447,8 @@ int ioctl(int fd, unsigned long request, ...)
 	argument = va_arg(arguments, void *);
 	va_end(arguments);
 	client_begin();
+	if (plant && packets_control(request, argument))
+		return 0;
 	if (plant && files_kind(fd) == FD_TERMINAL) {
 		client_call();
 		client_changes();

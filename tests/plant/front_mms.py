@@ -3,13 +3,10 @@
 
 from __future__ import annotations
 
-import importlib.util
-import os
-import subprocess
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 from string import ascii_letters as LETTERS
 from typing import Any
@@ -27,11 +24,12 @@ from plant_judge import (
     seconds,
     troubled_times,
 )
+from plant_libiec61850 import program
 from plant_same import Event, tell_the_same
-from plant_world import BUILD, CHANGES_FROM_S, Front, PlantError, Programs, World
+from plant_world import CHANGES_FROM_S, Front, Programs, World
 
 PROCESS, CLIENT = "rtu-iec61850", "mms-client"
-SOURCE = Path(__file__).with_name("mms_client.c")
+PROGRAM = "mms_client"
 PORT = 1102
 DATA_CHANGE, QUALITY_CHANGE, GENERAL = 1, 2, 16
 MEMBER_OF_POINT = 2  # separators
@@ -46,28 +44,6 @@ BLOCKS = ("brcbStatus01", "brcbMeasured01")
 def is_chosen(world: World, line: int, unit: int) -> bool:
     """The device whose data set the configuration names."""
     return (line, unit) == (world.lines[0], CHOSEN_UNIT)
-
-
-def library() -> Path:
-    """Raises PlantError."""
-    package = importlib.util.find_spec("pyiec61850")
-    if package is None or not package.submodule_search_locations:
-        raise PlantError("the package pyiec61850-ng is not installed; type make setup")
-    return Path(package.submodule_search_locations[0]) / "libiec61850.so"
-
-
-@cache
-def client() -> Path:
-    """The program, compiled when its source or the library is another. Raises PlantError."""
-    program, made_of = BUILD / CLIENT, (SOURCE, library())
-    if program.exists() and program.stat().st_mtime > max(path.stat().st_mtime for path in made_of):
-        return program
-    fresh = program.with_suffix(f".{os.getpid()}")
-    command = ["cc", "-O2", f"-Wl,-rpath,{library().parent}", "-o", fresh, *made_of]
-    result = subprocess.run(command, capture_output=True, text=True, check=False)
-    if result.returncode != 0:
-        raise PlantError(result.stderr)
-    return fresh.rename(program)
 
 
 @dataclass(frozen=True)
@@ -87,7 +63,7 @@ class Mms(Front):
             for line, unit in world.units
             for block in ((f"{CHOSEN}01",) if is_chosen(world, line, unit) else BLOCKS)
         ]
-        return {CLIENT: (2.0, [f"{client()}", f"{PORT}", *blocks])}
+        return {CLIENT: (2.0, [f"{program(PROGRAM)}", f"{PORT}", *blocks])}
 
     @property
     def processes(self) -> tuple[str, ...]:

@@ -153,13 +153,13 @@ static bool walk(netsnmp_session *session, const struct table *table, bool *firs
 			length = row->name_length - BASE_LENGTH - 4;
 			memcpy(index, row->name + BASE_LENGTH + 4, length * sizeof(*index));
 			row = tell_row(table, row, *first);
+			if (of_events)
+				last_event = index[0];
 			*first = false;
 			more = true;
 		}
 		snmp_free_pdu(answer);
 	}
-	if (of_events)
-		last_event = index[0];
 	return true;
 }
 

@@ -347,6 +347,8 @@ int socket(int domain, int type, int protocol)
 	client_begin();
 	if (plant && domain == AF_NETLINK)
 		return refuse_netlink();
+	if (plant && domain == AF_PACKET)
+		return packets_socket(type, protocol);
 	if (!plant || !is_inet || (kind != SOCK_STREAM && kind != SOCK_DGRAM))
 		return real.socket(domain, type, protocol);
 	fd = real.socket(AF_UNIX, type, 0);
@@ -362,6 +364,8 @@ int bind(int fd, const struct sockaddr *address, socklen_t size)
 {
 	int result;
 
+	if (packets_tap(fd))
+		return packets_bind(fd);
 	if (!plant || !is_stand_in(fd, address))
 		return real.bind(fd, address, size);
 	client_call();
@@ -441,6 +445,8 @@ static int name_by(ask_name ask, int fd, struct sockaddr *address, socklen_t *si
 
 int getsockname(int fd, struct sockaddr *restrict address, socklen_t *restrict size)
 {
+	if (packets_tap(fd))
+		return packets_name(fd, address, size);
 	return name_by(real.getsockname, fd, address, size);
 }
 

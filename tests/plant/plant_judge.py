@@ -13,6 +13,7 @@ from typing import Any
 
 from plant_world import (
     BEGIN_NS,
+    CABLE,
     CHANGES_FROM_S,
     CONFIGURATIONS,
     JOURNAL,
@@ -297,7 +298,7 @@ class History:
     @cached_property
     def holds(self) -> list[Fault]:
         """What holds up what is told, the last first."""
-        field = ("rtu-modbus-1", "linesim", f"{MODBUS_PORT}")
+        field = ("rtu-modbus-1", "linesim", f"{MODBUS_PORT}", CABLE)
         holds = [fault for fault in self.faults if fault.kind in ("stop", "cut") and fault.of not in field]
         return sorted(holds, key=held_until_s, reverse=True)
 

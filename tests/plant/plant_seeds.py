@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 from front_counter import Counter
 from front_disk import Disk
+from front_goose import Goose
 from front_journal import Journal
 from front_logic import Logic
 from front_masters import SecondMaster
@@ -69,6 +70,7 @@ class Field:
     next_value: int = 1
     bits: dict[str, int] = field(default_factory=dict)
     modules: tuple[str, ...] = MODULES
+    cables: tuple[str, ...] = ()
 
     def line(self) -> int:
         return self.lines[self.random.randrange(len(self.lines))]
@@ -104,6 +106,8 @@ class Field:
                 return Fault(at_s, kind, self.device(), for_s=for_s)
             case "cut" if calls % LOST_ONE_OF == 0:
                 return Fault(at_s, "power" if calls % 2 else "lost", f"{PORT}")
+            case "cut" if self.cables:
+                return Fault(at_s, kind, self.random.choice((f"{PORT}", *self.cables)), for_s=for_s)
             case "cut":
                 return Fault(at_s, kind, f"{PORT}", for_s=for_s)
             case _:
@@ -232,7 +236,8 @@ def calm(seed: int, seconds: float) -> World:
 
 def troubled(seed: int, seconds: float, fault_every_s: float = 30.0, fronts: tuple[Front, ...] = ()) -> World:
     """Modules die and stop, devices are silent, the link to the centre is cut."""
-    of_seed = Field(random.Random(seed), seconds, modules=modules_of(fronts))
+    cables = tuple(name for front in fronts for name in front.cables)
+    of_seed = Field(random.Random(seed), seconds, modules=modules_of(fronts), cables=cables)
     changes = of_seed.changes(mean_s=1.0)
     return World(seed, seconds, changes, of_seed.made_by(of_seed.fault, fault_every_s), fronts=fronts)
 
@@ -263,7 +268,7 @@ def far(seed: int, seconds: float, fault_every_s: float = 8.0) -> World:
 
 
 def fronts_of(seed: int) -> tuple[Front, ...]:
-    return (SecondMaster(groups=bool(seed % 2)), Logic(), Journal(), Counter(), Snmp(), Mms())
+    return (SecondMaster(groups=bool(seed % 2)), Logic(), Journal(), Counter(), Snmp(), Mms(), Goose())
 
 
 def world_of(seed: int, seconds: float, fault_every_s: float = 30.0) -> World:

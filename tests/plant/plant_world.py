@@ -22,6 +22,7 @@ GATEWAY = Path(os.environ.get("OPENRTU_BUILD", REPOSITORY / "build" / "native"))
 LINESIM = Path(os.environ.get("OPENRTU_LINESIM", REPOSITORY / "build" / "linesim" / "linesim"))
 BEGIN_NS = 1000 * 10**9  # main.c
 PORT, MODBUS_PORT = 2404, 1502
+CABLE = "1"  # shared.h: the port that stands for the Ethernet
 JOURNAL = "rtu-journal"
 SERIAL = (1, 2)  # lines
 NETWORKED = 7  # the line whose devices are behind Modbus TCP
@@ -81,7 +82,7 @@ class Fault:
             "closing": f"line {self.of} hangs up behind each answer for {self.for_s:.3f} s",
             "idling": f"line {self.of} hangs up after {self.late_s:.3f} s of silence, for {self.for_s:.3f} s",
         }
-        return f"{self.at_s:.3f} s: {what[self.kind]}"
+        return f"{self.at_s:.3f} s: {what[self.kind]}".replace(f"TCP port {CABLE} ", "the Ethernet ")
 
 
 @dataclass(frozen=True)
@@ -196,6 +197,11 @@ class Front:
     @property
     def processes(self) -> tuple[str, ...]:
         """Those that may be killed, or stop."""
+        return ()
+
+    @property
+    def cables(self) -> tuple[str, ...]:
+        """What may be cut beside the centre's connection."""
         return ()
 
     @property

@@ -13,6 +13,9 @@
 #define PLANT_LOSSES    256
 #define PLANT_DELAYS    8
 #define PLANT_HOSTS     8
+#define PLANT_TAPS      16
+#define PLANT_NO_TAP    UINT32_MAX
+#define PLANT_CABLE     1 /* the port that stands for the Ethernet, where something is cut */
 #define PLANT_STEPS     256
 #define PLANT_FLIGHTS   1024
 #define PLANT_NAMES     64
@@ -135,6 +138,9 @@ struct plant {
 	struct plant_delay delays[PLANT_DELAYS];
 	uint32_t host_count;
 	struct plant_host hosts[PLANT_HOSTS];
+	uint32_t tap_next,
+	    tap_count; /* packet sockets: the last that was made, and those that frames come to */
+	uint32_t taps[PLANT_TAPS];
 	uint32_t flight_count;
 	struct plant_flight flights[PLANT_FLIGHTS];
 	struct plant_name names[PLANT_NAMES];
