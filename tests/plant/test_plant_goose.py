@@ -59,6 +59,16 @@ def test_what_a_relay_says_is_invalid_when_its_messages_are_over(
     assert judge(ran) == []
 
 
+def test_a_module_that_was_stopped_takes_messages_as_of_now(
+    programs: Path, linesim_program: Path, folder: Path
+) -> None:
+    """Wherever it stands: a message came when it was read, not when the module last looked at the clock."""
+    stops = tuple(Fault(15.0 + 14 * calls, "stop", "rtu-goose", calls=calls, for_s=6.5) for calls in range(6))
+    ran = run_world(World(1, 120.0, (), stops, fronts=(Goose(),)), folder / "stopped")
+    violations = judge(ran)
+    assert not violations, story(ran, violations)
+
+
 # ---- the judge sees what is wrong ----------------------------------------------------------------------
 
 

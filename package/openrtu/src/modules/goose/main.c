@@ -25,12 +25,15 @@ static struct goose_stats *stats;
 static struct wire wire;
 static struct goose_pace rings;
 
-static void receive(int64_t now_ns)
+/* The clock is read behind each: who was stopped before it would take what came later as of then. */
+static void receive(void)
 {
 	uint8_t frame[GOOSE_FRAME_MAX];
 	size_t size;
 
 	for (unsigned i = 0; i < FRAMES_A_TURN && (size = wire_receive(&wire, frame)) != 0; i++) {
+		const int64_t now_ns = map_now_ns();
+
 		map_count(&stats->frames, 1);
 		if (flood_admits(frame, size, now_ns))
 			subscribe_take(frame, size, now_ns);
@@ -46,7 +49,7 @@ static int64_t serve(void)
 	if (map_bell_clear(map))
 		goose_pace_take(&rings, now_ns);
 	flood_run(now_ns);
-	receive(now_ns);
+	receive();
 	subscribe_run(now_ns);
 	publish_run(&wire, now_ns);
 	if (now_ns >= heartbeat_ns) { /* what became old meanwhile is told so before */
