@@ -17,11 +17,12 @@
 
 #define PATIENCE_NS (PLANT_NS / 2)
 
-void plant_futex_wait(_Atomic uint32_t *word, uint32_t value, int64_t most_ns)
+bool plant_futex_wait(_Atomic uint32_t *word, uint32_t value, int64_t most_ns)
 {
 	const struct timespec most = {most_ns / PLANT_NS, most_ns % PLANT_NS};
 
-	real_syscall(SYS_futex, (long)word, FUTEX_WAIT, (long)value, (long)&most, 0, 0);
+	return real_syscall(SYS_futex, (long)word, FUTEX_WAIT, (long)value, (long)&most, 0, 0) == 0 ||
+	       errno != ETIMEDOUT;
 }
 
 void plant_futex_wake(_Atomic uint32_t *word)
@@ -32,7 +33,8 @@ void plant_futex_wake(_Atomic uint32_t *word)
 /* Whoever killed the runner, as an interrupted make does, leaves no process behind. */
 static void wait_in(const struct plant *plant, _Atomic uint32_t *word, uint32_t value)
 {
-	plant_futex_wait(word, value, PATIENCE_NS);
+	if (plant_futex_wait(word, value, PATIENCE_NS))
+		return;
 	if (real_syscall(SYS_kill, (long)plant->id, 0, 0, 0, 0, 0) < 0 && errno == ESRCH)
 		real._exit(1);
 }

@@ -50,7 +50,7 @@ class Goose(Front):
                     "data_set": BLOCK.replace("$GO$", "$"),
                     "destination": "01:0c:cd:01:00:01",
                     "app_id": 1,
-                    "points": [f"p{line}.1.d0", f"p{line}.3.i1"],
+                    "points": [f"p{line}.1.{'d0' if world.bits else 'i0'}", f"p{line}.3.i1"],
                 }
             ],
             "subscribe": [
@@ -110,8 +110,9 @@ class Relay:
 
     @property
     def published(self) -> tuple[str, str]:
-        line = self.history.run.world.lines[0]
-        return f"{line}001.10001", f"{line}003.30002"
+        world = self.history.run.world
+        line = world.lines[0]
+        return f"{line}001.{10001 if world.bits else 30001}", f"{line}003.30002"
 
     @cached_property
     def entries(self) -> list[Entry]:

@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -139,7 +140,7 @@ def results_are_told(history: History) -> Iterator[Violation]:
     """Where both inputs stay as they are for long enough."""
     one, other = inputs(history)
     changes = sorted({since for point in (one, other) for since, _ in history.held[point][1:]})
-    for since_s, until_s in zip(changes, [*changes[1:], history.end_s], strict=True):
+    for since_s, until_s in pairwise([*changes, history.end_s]):
         (x,), (y,) = (held_between(history, point, since_s, since_s) for point in (one, other))
         lost = [could_be_lost(point, since_s, since_s + HELD_S, history) for point in (one, other)]
         if until_s - since_s < HELD_S or since_s < SETTLED_S or any(lost):

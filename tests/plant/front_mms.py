@@ -38,7 +38,7 @@ CHOSEN, CHOSEN_UNIT = "brcbChosen", 2
 # Whole points, and an attribute between them.
 CHOSEN_POINTS = ("p{line}.2.d0", "p{line}.2.i0", "p{line}.2.i1[mag.f]", "p{line}.2.i1")
 CHOSEN_MEMBERS = ("GGIO1$ST$Ind10001", "GGIO1$MX$AnIn30001", "GGIO1$MX$AnIn30002$mag$f", "GGIO1$MX$AnIn30002")
-BLOCKS = ("brcbStatus01", "brcbMeasured01")
+BLOCKS = ("brcbMeasured01", "brcbStatus01")
 
 
 def is_chosen(world: World, line: int, unit: int) -> bool:
@@ -49,7 +49,8 @@ def is_chosen(world: World, line: int, unit: int) -> bool:
 @dataclass(frozen=True)
 class Mms(Front):
     def configure(self, world: World, config: dict[str, Any], folder: Path) -> None:
-        members = [place.format(line=world.lines[0]) for place in CHOSEN_POINTS]
+        chosen = CHOSEN_POINTS if world.bits else CHOSEN_POINTS[1:]
+        members = [place.format(line=world.lines[0]) for place in chosen]
         reports = [{"name": CHOSEN, "buffered": True}]
         config["iec61850"] = {
             "address": "127.0.0.1",
@@ -61,7 +62,7 @@ class Mms(Front):
         blocks = [
             f"OpenRTUCA{line * 1000 + unit}/LLN0.BR.{block}"
             for line, unit in world.units
-            for block in ((f"{CHOSEN}01",) if is_chosen(world, line, unit) else BLOCKS)
+            for block in ((f"{CHOSEN}01",) if is_chosen(world, line, unit) else BLOCKS[: 1 + world.bits])
         ]
         return {CLIENT: (2.0, [f"{program(PROGRAM)}", f"{PORT}", *blocks])}
 
@@ -206,8 +207,9 @@ def data_sets_are_as_named(reported: Reported) -> Iterator[Violation]:
             reports[at_s, line["number"]].add(name)
         if is_attribute(name) == isinstance(line["value"], list):
             yield Violation("members", at_s, f"{name} is told as {line['value']}")
+    wanted = CHOSEN_MEMBERS if reported.history.run.world.bits else CHOSEN_MEMBERS[1:]
     for (at_s, _), names in reports.items():
-        if names != set(CHOSEN_MEMBERS):
+        if names != set(wanted):
             yield Violation("members", at_s, f"a report has the members {', '.join(sorted(names))}")
 
 

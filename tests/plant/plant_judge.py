@@ -519,6 +519,7 @@ def periods_are_kept(history: History) -> Iterator[Violation]:
     """A device is asked as often as it should be, whatever its neighbours do, and soon after its trouble."""
     samples = history.answers
     devices = samples[0][1] if samples else {}
+    least = ANSWERS_LEAST if history.run.world.bits else ANSWERS_LEAST // 2
     for device in devices:
         direct, troubled = direct_times(device, history.faults), troubled_times(device, history.faults)
         dead = history.dead_times(device)
@@ -526,7 +527,7 @@ def periods_are_kept(history: History) -> Iterator[Violation]:
             count = after[device] - before[device]
             if not history.has(first_point(device), from_s, to_s):
                 continue
-            if count >= ANSWERS_LEAST or from_s < CHANGES_FROM_S or to_s - from_s < WINDOW_S - 1:
+            if count >= least or from_s < CHANGES_FROM_S or to_s - from_s < WINDOW_S - 1:
                 continue
             may_be_dead = overlaps(troubled, from_s, to_s) and overlaps(dead, from_s, to_s)
             if not may_be_dead and not overlaps(direct, from_s, to_s):

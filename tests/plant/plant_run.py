@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from plant_judge import Violation, judge
-from plant_seeds import world_of
+from plant_seeds import WORLDS, world_of
 from plant_world import RECOVERY_S, PlantError, Run, World, run
 
 LEAST_S = RECOVERY_S + 60
@@ -86,12 +86,14 @@ def fail(ran: Run, violations: list[Violation], folders: Folders, out: Path) -> 
     print(f"its trace and logs: {keep(ran, out)}", flush=True)
 
 
-def run_seeds(seeds: Sequence[int], seconds: float, out: Path, keeps: bool) -> int:
+def run_seeds(
+    seeds: Sequence[int], seconds: float, out: Path, keeps: bool, make: Callable[[int, float], World]
+) -> int:
     failed = 0
     begun = time.monotonic()
     with Folders() as folders:
         for seed in seeds:
-            ran, violations = folders.judged(world_of(seed, seconds), traced=keeps)
+            ran, violations = folders.judged(make(seed, seconds), traced=keeps)
             if violations:
                 failed += 1
                 fail(ran, violations, folders, out)
@@ -113,6 +115,7 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=20, metavar="N", help="worlds to run [%(default)s]")
     parser.add_argument("--hours", type=float, default=0.1, help="of a plant, each [%(default)s]")
     parser.add_argument("--seed", type=int, help="this one alone; its trace is kept")
+    parser.add_argument("--world", choices=sorted(WORLDS), help="this one, and not what the seed chooses")
     parser.add_argument("--out", type=Path, default=Path("build/plant-runs"), help="for traces [%(default)s]")
     arguments = parser.parse_args()
     if arguments.seeds < 1 or arguments.hours * 3600 < LEAST_S:
@@ -120,7 +123,8 @@ def main() -> int:
     one = arguments.seed is not None
     seeds = [arguments.seed] if one else range(1, arguments.seeds + 1)
     try:
-        return run_seeds(seeds, arguments.hours * 3600, arguments.out, keeps=one)
+        make = WORLDS.get(arguments.world, world_of)
+        return run_seeds(seeds, arguments.hours * 3600, arguments.out, one, make)
     except PlantError as error:
         print(f"plant: {error}", file=sys.stderr)
         return UNUSABLE

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from front_counter import Counter
 from front_disk import Disk
@@ -57,6 +57,7 @@ CONNECTED_S = 20.0  # by then a connection over GPRS is made: what was before is
 SESSION_LONGEST_S = 30.0
 LEAST_STEP_S = 1000.0
 FAR_LINES = (1, NETWORKED)
+SIX, FIVE = tuple(range(1, 7)), 5  # lines, and devices of each
 GPRS, RADIO, CABLE = Link(PORT, 0.6, 1.5), Link(PORT, 0.05, 0.4), Link(MODBUS_PORT, 0.002, 0.02)
 
 
@@ -71,12 +72,13 @@ class Field:
     bits: dict[str, int] = field(default_factory=dict)
     modules: tuple[str, ...] = MODULES
     cables: tuple[str, ...] = ()
+    devices: int = DEVICES
 
     def line(self) -> int:
         return self.lines[self.random.randrange(len(self.lines))]
 
     def device(self) -> str:
-        return f"{self.line()}.{self.random.randrange(DEVICES) + 1}"
+        return f"{self.line()}.{self.random.randrange(self.devices) + 1}"
 
     def change(self, at_s: float) -> Change:
         device = self.device()
@@ -87,6 +89,11 @@ class Field:
         if self.lines == FAR_LINES and self.random.random() < 0.1:
             return Change(at_s, f"{self.line()}.1", "input_registers", POINTS, self.next_value)
         return Change(at_s, device, "input_registers", self.random.randrange(POINTS), self.next_value)
+
+    def register_change(self, at_s: float) -> Change:
+        self.next_value = self.next_value % 32000 + 1
+        place = self.random.randrange(POINTS)
+        return Change(at_s, self.device(), "input_registers", place, self.next_value)
 
     def times(self, from_s: float, to_s: float, mean_s: float) -> Iterator[float]:
         at_s = from_s
@@ -267,14 +274,31 @@ def far(seed: int, seconds: float, fault_every_s: float = 8.0) -> World:
     return World(seed, seconds, changes, faults, lines=FAR_LINES, links=links, orders=orders)
 
 
-def fronts_of(seed: int) -> tuple[Front, ...]:
-    return (SecondMaster(groups=bool(seed % 2)), Logic(), Journal(), Counter(), Snmp(), Mms(), Goose())
+def fronts(groups: bool) -> tuple[Front, ...]:
+    return (SecondMaster(groups), Logic(), Journal(), Counter(), Snmp(), Mms(), Goose())
+
+
+def large(seed: int, seconds: float) -> World:
+    """Six lines with thirty devices, read once a second each, and all that looks at them; nothing changes."""
+    return World(seed, seconds, (), lines=SIX, fronts=fronts(groups=True), devices=FIVE, bits=False)
+
+
+def storm(seed: int, seconds: float) -> World:
+    """The same, and each second as many registers change as there are."""
+    world = large(seed, seconds)
+    of_seed = Field(random.Random(seed), seconds, SIX, devices=FIVE)
+    end_s = seconds - SETTLED_S
+    times = of_seed.times(CHANGES_FROM_S, end_s, 1.0 / (len(world.units) * POINTS))
+    return replace(world, changes=tuple(of_seed.register_change(at_s) for at_s in times))
+
+
+WORLDS = {"large": large, "storm": storm}
 
 
 def world_of(seed: int, seconds: float, fault_every_s: float = 30.0) -> World:
     """Each fifth has all fronts. Of six others two are about lines, two far away, one a disk."""
     if seed % ALL_FRONTS == 0:
-        return troubled(seed, seconds, fault_every_s, fronts_of(seed))
+        return troubled(seed, seconds, fault_every_s, fronts(groups=bool(seed % 2)))
     match seed % 6:
         case 0 | 3:
             return restless(seed, seconds)

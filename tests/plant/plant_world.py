@@ -32,6 +32,7 @@ PERIOD_MS = 1000
 ORDERED = 40001
 POINTS = 2  # of a device, beside its bit
 MORE = 30001 + POINTS  # the object that one configuration has and another has not
+ADDRESSES_MAX = 16  # of a station of rtu-centre: those that it interrogates
 CHANGES_FROM_S = 5.0
 SETTLED_S = 10.0  # without a change, before the end
 RECOVERY_S = 60.0  # without a fault, before the end
@@ -237,10 +238,12 @@ class World:
     links: tuple[Link, ...] = ()  # those with delay
     orders: tuple[Order, ...] = ()
     fronts: tuple[Front, ...] = ()
+    devices: int = DEVICES  # of a line
+    bits: bool = True  # each device has one beside its registers, and so two requests a period
 
     @property
     def units(self) -> list[tuple[int, int]]:
-        return [(line, unit) for line in self.lines for unit in range(1, DEVICES + 1)]
+        return [(line, unit) for line in self.lines for unit in range(1, self.devices + 1)]
 
     def baud(self, line: int) -> int:
         return SLOW_BAUD if line in self.scanned else BAUD
@@ -250,7 +253,9 @@ class World:
             {"address": place} for place in range(POINTS + 1) if configuration.has(unit, 30001 + place)
         ]
         period = {} if line in self.scanned else {"period_ms": configuration.period_ms}
-        objects: dict[str, Any] = {"discrete_inputs": [{"address": 0}], "input_registers": registers}
+        objects: dict[str, Any] = {"input_registers": registers}
+        if self.bits:
+            objects["discrete_inputs"] = [{"address": 0}]
         if self.orders:
             objects["holding_registers"] = [{"address": 0}]
         return {"id": unit, **period, **objects}
@@ -262,7 +267,7 @@ class World:
     @property
     def addresses(self) -> list[int]:
         """Of each device's information objects."""
-        read = [10001, *range(30001, 30001 + POINTS)]
+        read = [*([10001] if self.bits else []), *range(30001, 30001 + POINTS)]
         return [*read, ORDERED] if self.orders else read
 
     def line(self, number: int, configuration: Configuration) -> dict[str, Any]:
@@ -270,7 +275,7 @@ class World:
             medium: dict[str, Any] = {"host": "127.0.0.1", "tcp_port": MODBUS_PORT}
         else:
             medium = {"baud_rate": self.baud(number), "data_bits": 8, "stop_bits": 1, "parity": 0}
-        units = [unit for unit in range(1, DEVICES + 1) if configuration.has(unit, 30001)]
+        units = [unit for unit in range(1, self.devices + 1) if configuration.has(unit, 30001)]
         slaves = [self.slave(number, unit, configuration) for unit in units]
         return {"value": number, "active": 1, **medium, "slaves": slaves}
 
@@ -309,7 +314,12 @@ class World:
     def centre(self) -> dict[str, Any]:
         addresses = [line * 1000 + unit for line, unit in self.units]
         addresses += sorted({int(point.split(".")[0]) for point in self.points_of_fronts} - set(addresses))
-        station = {"name": "rtu", "address": "127.0.0.1", "port": PORT, "common_addresses": addresses}
+        station = {
+            "name": "rtu",
+            "address": "127.0.0.1",
+            "port": PORT,
+            "common_addresses": addresses[:ADDRESSES_MAX],
+        }
         period_s = 0 if self.seed % 2 else 20  # 0: what was missed once no later interrogation brings
         times = {"retry_ms": 500, "retry_max_ms": 2000}
         if self.links:

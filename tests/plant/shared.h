@@ -207,7 +207,8 @@ int64_t plant_next_arrival_ns(const struct plant *plant);
 /* What the process' call is: dies or stops there, if a fault says so. */
 const struct plant_fault *plant_fault_at(struct plant *plant, uint32_t process);
 
-void plant_futex_wait(_Atomic uint32_t *word, uint32_t value, int64_t most_ns);
+/* False: nobody woke it, and the time is over. */
+bool plant_futex_wait(_Atomic uint32_t *word, uint32_t value, int64_t most_ns);
 void plant_futex_wake(_Atomic uint32_t *word);
 
 #endif

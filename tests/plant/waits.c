@@ -34,6 +34,8 @@ static bool has_signal(const sigset_t *own_mask)
 	sigset_t pending;
 
 	sigpending(&pending);
+	if (sigisemptyset(&pending))
+		return false;
 	for (int signal = 1; signal < NSIG; signal++)
 		if (sigismember(&pending, signal) == 1 && sigismember(own_mask, signal) == 0)
 			return true;
@@ -50,6 +52,10 @@ int wait_until(bool (*ready)(void *), void *what, int64_t deadline_ns)
 	sigset_t all, own;
 	int result = 1;
 
+	if (!yields && ready(what)) {
+		self->wants_room = false;
+		return 1;
+	}
 	sigfillset(&all);
 	sigprocmask(SIG_BLOCK, &all, &own);
 	while (yields || !ready(what)) {
