@@ -9,7 +9,7 @@ from typing import Any
 
 from plant_world import Front, World
 
-ADDRESS, FREEZE_S = 10, 10
+ADDRESS, FREEZE_S = 10, 2
 OBJECT = 30001 + ADDRESS
 
 

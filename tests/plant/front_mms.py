@@ -120,7 +120,7 @@ class Reported:
     def all_members(self) -> list[Member]:
         members, session = [], 0
         for line in self.lines:
-            session += line.get("state") == "up"
+            session += line.get("state") == "down"
             if "member" not in line or is_attribute(line["member"]):
                 continue
             value, quality, tag_ms = line["value"]

@@ -9,8 +9,8 @@ import pytest
 
 from plant_judge import judge
 from plant_run import story
-from plant_seeds import large, storm
-from plant_trials import run_world
+from plant_seeds import fronts, large, storm, troubled
+from plant_trials import busy_processes, run_world
 from plant_world import World
 
 SECONDS = 40.0
@@ -30,7 +30,18 @@ def test_what_must_hold_of_thirty_devices(
     assert {after["6.5"] - before["6.5"] for before, after in pairwise(answers)} == {1}
 
 
+def troubled_fronts(seed: int, seconds: float) -> World:
+    """Whose modules die and stop."""
+    return troubled(seed, seconds, fault_every_s=2.0, fronts=fronts(groups=True))
+
+
 @pytest.mark.slow
-def test_thirty_devices_are_one_trace(programs: Path, linesim_program: Path, folder: Path) -> None:
-    first, second = (run_world(storm(2, SECONDS), folder / f"storm-{number}") for number in range(2))
-    assert first.trace == second.trace
+@pytest.mark.parametrize(("make", "seconds"), [(storm, 30.0), (troubled_fronts, 120.0)])
+def test_all_fronts_are_one_trace(
+    programs: Path, linesim_program: Path, folder: Path, make: Callable[[int, float], World], seconds: float
+) -> None:
+    """Keys, salts, numbers and times of all makers' programs are of the seed, beside busy processes, too."""
+    world = make(2, seconds)
+    first = run_world(world, folder / f"{make.__name__}-first")
+    with busy_processes():
+        assert run_world(world, folder / f"{make.__name__}-busy").trace == first.trace

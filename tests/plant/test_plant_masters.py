@@ -10,7 +10,7 @@ from front_masters import ADDRESS, CONSUMER, SecondMaster
 from plant_judge import judge
 from plant_run import story
 from plant_seeds import calm, troubled
-from plant_trials import busy_processes, run_world, spoiled_copy
+from plant_trials import run_world, spoiled_copy
 from plant_world import Fault, Run
 
 SECONDS = 60.0
@@ -37,12 +37,6 @@ def test_each_has_an_address_of_its_own(first: Run) -> None:
     log = (first.folder / "gateway.log").read_text()
     assert f" {ADDRESS} port " in log
     assert " 127.0.0.1 port " in log
-
-
-@pytest.mark.slow
-def test_two_masters_are_one_trace(first: Run, folder: Path) -> None:
-    with busy_processes():
-        assert run_world(first.world, folder / "busy").trace == first.trace
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from front_mms import CLIENT, Mms
 from plant_judge import judge
 from plant_run import story
 from plant_seeds import calm, troubled
-from plant_trials import Lines, busy_processes, run_world, spoiled_copy
+from plant_trials import Lines, run_world, spoiled_copy
 from plant_world import Change, Fault, Run, World
 
 SECONDS = 60.0
@@ -33,12 +33,6 @@ def test_the_client_is_told_what_the_devices_hold(first: Run) -> None:
     reasons = [line["reason"] for line in first.told(CLIENT) if "reason" in line]
     assert reasons.count(CHANGE) > 30
     assert {CHANGE, GENERAL} <= set(reasons)
-
-
-@pytest.mark.slow
-def test_a_client_is_one_trace(first: Run, folder: Path) -> None:
-    with busy_processes():
-        assert run_world(first.world, folder / "busy").trace == first.trace
 
 
 @pytest.mark.slow
