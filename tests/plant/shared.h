@@ -138,8 +138,8 @@ struct plant {
 	struct plant_delay delays[PLANT_DELAYS];
 	uint32_t host_count;
 	struct plant_host hosts[PLANT_HOSTS];
-	uint32_t tap_next,
-	    tap_count; /* packet sockets: the last that was made, and those that frames come to */
+	uint32_t tap_next;  /* the last packet socket that was made */
+	uint32_t tap_count; /* of those that frames come to */
 	uint32_t taps[PLANT_TAPS];
 	uint32_t flight_count;
 	struct plant_flight flights[PLANT_FLIGHTS];
