@@ -508,7 +508,7 @@ def test_the_judge_sees_a_silence_that_nobody_tells(first: Run, tmp_path: Path) 
 
 
 def test_a_story_has_the_faults_that_it_takes(first: Run) -> None:
-    faults = tuple(Fault(10.0 + number, "cut", f"{number}", for_s=1.0) for number in range(6))
+    faults = tuple(Fault(10.0 + number, "cut", f"{2400 + number}", for_s=1.0) for number in range(6))
     tried = []
 
     def attempt(world: World, *, traced: bool = False) -> tuple[Run, list[Violation]]:
@@ -523,9 +523,9 @@ def test_a_story_has_the_faults_that_it_takes(first: Run) -> None:
     assert [len(world.faults) for world in tried] == [3, 3, 5, 4, 4, 3, 2, 2]
     ran, violations = attempt(least)
     assert story(ran, violations).splitlines() == [
-        "  11.000 s: TCP port 1 is cut for 1.000 s",
+        "  11.000 s: TCP port 2401 is cut for 1.000 s",
         "! 12.000 s: once: an event",
-        "  14.000 s: TCP port 4 is cut for 1.000 s",
+        "  14.000 s: TCP port 2404 is cut for 1.000 s",
         "! 20.000 s: true: a value",
     ]
 
