@@ -271,6 +271,11 @@ static int64_t next_cut_ns(const struct plant *plant)
 	return next_ns;
 }
 
+int64_t plant_ahead_ns(const struct plant *plant)
+{
+	return plant->wall_ns + (plant->now_ns - PLANT_BEGIN_NS) / 1000000 * plant->drift_ppm;
+}
+
 static int64_t next_step_ns(const struct plant *plant)
 {
 	int64_t next_ns = PLANT_NEVER;

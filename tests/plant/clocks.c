@@ -9,6 +9,9 @@
 
 #include "client.h"
 
+#define LEAP_TOLD_NS (3600 * PLANT_NS)
+#define LEAP_OVER_NS (60 * PLANT_NS)
+
 static struct timespec read_clock(clockid_t clock)
 {
 	const bool wall = clock == CLOCK_REALTIME || clock == CLOCK_REALTIME_COARSE || clock == CLOCK_TAI;
@@ -22,7 +25,7 @@ static struct timespec read_clock(clockid_t clock)
 		return now;
 	}
 	client_spin();
-	return client_timespec(plant->now_ns + (wall ? plant->wall_ns : 0));
+	return client_timespec(plant->now_ns + (wall ? plant_ahead_ns(plant) : 0));
 }
 
 int clock_gettime(clockid_t clock, struct timespec *out)
@@ -57,10 +60,26 @@ int clock_settime(clockid_t clock, const struct timespec *now)
 		return -1;
 	}
 	client_call();
-	plant->wall_ns = client_ns(now) - plant->now_ns;
+	plant->wall_ns += client_ns(now) - plant->now_ns - plant_ahead_ns(plant);
 	client_changes();
 	client_tell("clock_settime");
 	return 0;
+}
+
+/* As the kernel tells of the leap second next to now: from an hour before until it clears what was asked of it. */
+static int leap_state(void)
+{
+	for (uint32_t i = 0; plant && i < plant->step_count; i++) {
+		const struct plant_step *step = &plant->steps[i];
+		const int64_t since_ns = plant->now_ns - step->at_ns;
+
+		if (!step->leap || since_ns < -LEAP_TOLD_NS || since_ns >= LEAP_OVER_NS)
+			continue;
+		if (since_ns < 0)
+			return step->by_ns < 0 ? TIME_INS : TIME_DEL;
+		return step->by_ns < 0 && since_ns < PLANT_NS ? TIME_OOP : TIME_WAIT;
+	}
+	return TIME_OK;
 }
 
 /* A clock that somebody keeps right, on each host. */
@@ -72,7 +91,7 @@ int adjtimex(struct timex *out)
 	out->status = STA_NANO;
 	out->tick = 10000;
 	out->time = (struct timeval){.tv_sec = now.tv_sec, .tv_usec = now.tv_nsec};
-	return TIME_OK;
+	return leap_state();
 }
 
 ssize_t getrandom(void *out, size_t size, unsigned flags)

@@ -20,7 +20,7 @@
 #include "real.h"
 #include "shared.h"
 
-#define BEGIN_NS (1000 * PLANT_NS)   /* a clock of 0 is one that never ran, to some */
+#define BEGIN_NS PLANT_BEGIN_NS
 #define WALL_S   INT64_C(1767225600) /* 2026-01-01 */
 #define LOOK_NS  (PLANT_NS / 5)
 #define STUCK_S                                                                                              \
@@ -54,6 +54,8 @@ static const char help[] =
     "  delay    PORT LEAST MOST          what is sent over the TCP port is on its way so long, and longer if "
     "it is lost\n"
     "  host     NAME ADDRESS             it connects from this IPv4 address, and not from 127.0.0.1\n"
+    "  drift    PPM                      the calendar clock goes faster by that, or slower if it is below 0\n"
+    "  leap     TIME BY                  as step, as the kernel does it for a leap second: BY is -1 or 1\n"
     "  step     TIME BY                  the calendar clock goes forward by that, or back if it is below 0\n"
     "\n"
     "Exit codes: 0 the end came, 1 a process ended by a fault of its own, or all are "
@@ -176,15 +178,21 @@ static void add_host(char *words[])
 	plant->host_count++;
 }
 
-static void add_step(char *words[])
+/* Below 0, too. */
+static int64_t signed_ns_of(const char *word)
 {
-	const bool back = words[2] && words[2][0] == '-';
-	const int64_t by_ns = ns_of(words[2] ? words[2] + back : NULL);
+	const bool back = word && word[0] == '-';
+	const int64_t by_ns = ns_of(word ? word + back : NULL);
 
+	return back ? -by_ns : by_ns;
+}
+
+static void add_step(char *words[], bool leap)
+{
 	if (plant->step_count == PLANT_STEPS)
 		give_up(WRONG_USAGE, words[0], "too many steps");
-	plant->steps[plant->step_count++] =
-	    (struct plant_step){.at_ns = BEGIN_NS + ns_of(words[1]), .by_ns = back ? -by_ns : by_ns};
+	plant->steps[plant->step_count++] = (struct plant_step){
+	    .at_ns = BEGIN_NS + ns_of(words[1]), .by_ns = signed_ns_of(words[2]), .leap = leap};
 }
 
 static int by_time(const void *one, const void *other)
@@ -230,7 +238,11 @@ static void take_line(char *line)
 	else if (strcmp(words[0], "host") == 0)
 		add_host(words);
 	else if (strcmp(words[0], "step") == 0)
-		add_step(words);
+		add_step(words, false);
+	else if (strcmp(words[0], "leap") == 0)
+		add_step(words, true);
+	else if (strcmp(words[0], "drift") == 0)
+		plant->drift_ppm = signed_ns_of(words[1]) / PLANT_NS;
 	else
 		give_up(WRONG_USAGE, words[0], "unknown word");
 }

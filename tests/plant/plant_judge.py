@@ -256,13 +256,25 @@ class History:
 
     @cached_property
     def steps(self) -> list[Fault]:
-        return [fault for fault in self.faults if fault.kind == "step"]
+        return [fault for fault in self.faults if fault.kind in ("step", "leap")]
 
     def tag_s(self, tag_ns: int, at_s: float) -> float:
         """In plant time: by the calendar clock of a time before it came, as which it is the latest."""
         ahead_s = itertools.accumulate([step.by_s for step in self.steps if step.at_s < at_s], initial=0.0)
-        by_each = [round((tag_ns - WALL_NS) / S - ahead, 3) for ahead in ahead_s]
+        by_each = [self.by_the_calendar(tag_ns, ahead) for ahead in ahead_s]
+        leaps = [step.at_s for step in self.steps if step.kind == "leap" and step.at_s < at_s]
+        if leaps:  # a second is too short to tell it from the way: the time says whether it is before
+            return by_each[-1] if by_each[-1] >= leaps[-1] - NEXT_S else by_each[-2]
         return max((tag_s for tag_s in by_each if tag_s < at_s + NEXT_S), default=by_each[-1])
+
+    @property
+    def drift_s(self) -> float:
+        """Of the calendar clock, over the whole time."""
+        return abs(self.run.world.drift_ppm) / 1e6 * self.end_s
+
+    def by_the_calendar(self, tag_ns: int, ahead_s: float) -> float:
+        """A drift is by the other clock."""
+        return round(((tag_ns - WALL_NS) / S - ahead_s) / (1 + self.run.world.drift_ppm / 1e6), 3)
 
     def _of(self, line: dict[str, Any], session: int) -> Told:
         tag, at_s = line["tag"], seconds(line["at"])
@@ -346,20 +358,28 @@ def is_followed(event: Told, lost: Told, later: list[Told]) -> bool:
     )
 
 
+def was_told(event: Told, told: list[Told], slack_s: float) -> bool:
+    """As then; as the calendar clock drifts meanwhile, its time tag is another one."""
+    return any(
+        abs((event.tag_s or 0) - (other.tag_s or 0)) <= slack_s
+        and event.good == other.good
+        and (event.value == other.value or not event.good)
+        for other in told
+    )
+
+
 def events_are_in_order(history: History) -> Iterator[Violation]:
     """Within a connection none comes twice, or after a later one; a new connection may repeat."""
     for point, events in history.events.items():
-        seen: set[tuple[float | None, int | None, bool]] = set()
         latest = events[0]
         for place, (before, event) in enumerate(zip([None, *events[:-1]], events, strict=True), 1):
             if before and is_told_twice(event, before):
                 yield Violation("once", event.at_s, f"{point} of {event.tag_s:.3f} s")
             goes_back = (event.tag_s or 0) < (latest.tag_s or 0) and not tells_the_same(event, latest)
-            what = (event.tag_s, event.value if event.good else None, event.good)
             goes_back = goes_back and not is_followed(event, latest, events[place:])
-            if goes_back and (event.session == latest.session or what not in seen):
+            before_it = [] if event.session == latest.session else events[: place - 1]
+            if goes_back and not was_told(event, before_it, history.drift_s):
                 yield Violation("order", event.at_s, f"{point}: {event} after {latest}")
-            seen.add(what)
             latest = max(latest, event, key=lambda told: told.tag_s or 0)
 
 

@@ -55,6 +55,9 @@ CLOSINGS = ("closing", "tearing", "idling")
 CLOSED_APART_S = 2.0
 CONNECTED_S = 20.0  # by then a connection over GPRS is made: what was before is no event
 SESSION_LONGEST_S = 30.0
+BESIDE_A_LEAP_S = 3.0  # rtud has to be there to see it
+CALL_WITHIN_S = 10.0  # main.c
+DRIFT_PPM = 500  # as much as a daemon may slew a clock
 LEAST_STEP_S = 1000.0
 FAR_LINES = (1, NETWORKED)
 SIX, FIVE = tuple(range(1, 7)), 5  # lines, and devices of each
@@ -249,6 +252,22 @@ def troubled(seed: int, seconds: float, fault_every_s: float = 30.0, fronts: tup
     return World(seed, seconds, changes, of_seed.made_by(of_seed.fault, fault_every_s), fronts=fronts)
 
 
+def is_beside(fault: Fault, at_s: float) -> bool:
+    return fault.at_s < at_s + BESIDE_A_LEAP_S and at_s < fault.end_s + CALL_WITHIN_S + BESIDE_A_LEAP_S
+
+
+def with_a_clock(world: World) -> World:
+    """Whose calendar drifts and leaps by a second. Nothing changes then: what is told of it has two times."""
+    chance = random.Random(world.seed)
+    at_s = float(chance.randrange(int(FAULTS_FROM_S), int(world.seconds - RECOVERY_S)))
+    leap = Fault(at_s, "leap", "clock", by_s=float(chance.choice((-1, 1))))
+    changes = tuple(change for change in world.changes if abs(change.at_s - at_s) > BESIDE_A_LEAP_S)
+    apart = [fault for fault in world.faults if fault.of != "rtud" or not is_beside(fault, at_s)]
+    faults = tuple(sorted((*apart, leap), key=lambda fault: fault.at_s))
+    drift_ppm = chance.choice((-1, 1)) * chance.randrange(1, DRIFT_PPM + 1)
+    return replace(world, changes=changes, faults=faults, drift_ppm=drift_ppm)
+
+
 def stored(seed: int, seconds: float, fault_every_s: float = 30.0) -> World:
     """The same, of a gateway with a journal that loses its power, and whose disk fails."""
     disk = (Disk(),)
@@ -303,7 +322,7 @@ def world_of(seed: int, seconds: float, fault_every_s: float = 30.0) -> World:
         case 0 | 3:
             return restless(seed, seconds)
         case 1:
-            return troubled(seed, seconds, fault_every_s)
+            return with_a_clock(troubled(seed, seconds, fault_every_s))
         case 4:
             return stored(seed, seconds, fault_every_s)
     return far(seed, seconds, fault_every_s)

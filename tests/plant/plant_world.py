@@ -76,6 +76,7 @@ class Fault:
             "deaf": f"device {self.of} hears nothing for {self.late_s:.3f} s behind its answers, "
             f"for {self.for_s:.3f} s",
             "unplugged": f"line {self.of} is unplugged for {self.for_s:.3f} s",
+            "leap": f"a leap second moves the calendar clock by {self.by_s:.0f} s",
             "step": f"the calendar clock is moved by {self.by_s:.3f} s",
             "reload": f"configuration {self.of} is loaded",
             "hung": f"the sessions of line {self.of} answer nothing any more",
@@ -240,6 +241,7 @@ class World:
     fronts: tuple[Front, ...] = ()
     devices: int = DEVICES  # of a line
     bits: bool = True  # each device has one beside its registers, and so two requests a period
+    drift_ppm: int = 0  # of the calendar clock, against the other
 
     @property
     def units(self) -> list[tuple[int, int]]:
@@ -383,6 +385,8 @@ class World:
             lines.append(["start", name, f"{at_s}", f"{folder}/{name}.out", f"{folder}/{name}.log", *words])
         if self.has_disk:
             lines.append(["disk", f"{folder}/data"])
+        if self.drift_ppm:
+            lines.append(["drift", f"{self.drift_ppm}"])
         for link in self.links:
             lines.append(["delay", f"{link.port}", f"{link.least_s}", f"{link.most_s}"])
         for fault in self.faults:
@@ -397,8 +401,8 @@ class World:
                     lines.append(["power", fault.of, f"{fault.at_s}", f"{fault.calls}"])
                 case "full" | "refuses" | "worn":
                     lines.append([fault.kind, f"{fault.at_s}", f"{fault.end_s}"])
-                case "step":
-                    lines.append(["step", f"{fault.at_s}", f"{fault.by_s}"])
+                case "step" | "leap":
+                    lines.append([fault.kind, f"{fault.at_s}", f"{fault.by_s}"])
                 case "lost":
                     lines.append(["lose", fault.of, f"{fault.at_s}"])
                 case "power":

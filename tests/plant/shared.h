@@ -27,6 +27,7 @@
 #define PLANT_NEVER     INT64_MAX
 #define PLANT_RUNNER    UINT32_MAX /* in the place of a process: the runner */
 #define PLANT_NS        INT64_C(1000000000)
+#define PLANT_BEGIN_NS  (1000 * PLANT_NS) /* a clock of 0 is one that never ran, to some */
 
 #define PLANT_SHARED_VARIABLE  "PLANT_SHARED"
 #define PLANT_PROCESS_VARIABLE "PLANT_PROCESS"
@@ -80,10 +81,11 @@ struct plant_loss {
 	int64_t at_ns;
 };
 
-/* Somebody sets the calendar clock. */
+/* Somebody sets the calendar clock, or the kernel does so for a leap second. */
 struct plant_step {
 	int64_t at_ns;
 	int64_t by_ns;
+	bool leap;
 	bool done;
 };
 
@@ -123,7 +125,9 @@ struct plant {
 	uint64_t spins;   /* calls since the clock moved */
 	int64_t now_ns;
 	int64_t end_ns;
-	int64_t wall_ns; /* what the wall clock is ahead of the other */
+	int64_t
+	    wall_ns; /* what the calendar clock was ahead of the other in the beginning, and of its steps */
+	int64_t drift_ppm; /* it goes faster by that */
 	uint16_t next_port;
 	uint32_t process_count;
 	struct plant_process processes[PLANT_PROCESSES];
@@ -183,6 +187,9 @@ __attribute__((format(printf, 3, 4))) void plant_tell(struct plant *plant, uint3
 
 /* No octet passes this port now. */
 bool plant_is_cut(const struct plant *plant, uint16_t port);
+
+/* What the calendar clock is ahead of the other now. */
+int64_t plant_ahead_ns(const struct plant *plant);
 
 /* The disk has such a fault now. */
 bool plant_disk_is(const struct plant *plant, enum plant_fault_kind kind);

@@ -113,7 +113,7 @@ int timerfd_settime(int fd, int flags, const struct itimerspec *new, struct itim
 		errno = EINVAL;
 		return -1;
 	}
-	from_ns = flags & TFD_TIMER_ABSTIME ? timer->by_wall ? -plant->wall_ns : 0 : plant->now_ns;
+	from_ns = flags & TFD_TIMER_ABSTIME ? timer->by_wall ? -plant_ahead_ns(plant) : 0 : plant->now_ns;
 	timer->period_ns = client_ns(&new->it_interval);
 	timer->next_ns = time_ns ? from_ns + time_ns : 0;
 	timer->armings++;

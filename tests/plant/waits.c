@@ -437,7 +437,7 @@ int clock_nanosleep(clockid_t clock, int flags, const struct timespec *time, str
 	client_begin();
 	if (!plant)
 		return ENOSYS;
-	return sleep_until(until ? wait_ns_of(time) - (clock == CLOCK_REALTIME ? plant->wall_ns : 0)
+	return sleep_until(until ? wait_ns_of(time) - (clock == CLOCK_REALTIME ? plant_ahead_ns(plant) : 0)
 				 : after_ns(wait_ns_of(time)),
 			   left);
 }
