@@ -200,6 +200,20 @@ bool plant_is_cut(const struct plant *plant, uint16_t port)
 	return lasts(plant, PLANT_CUT, port);
 }
 
+int64_t plant_starves_until_ns(const struct plant *plant, const char *name)
+{
+	int64_t until_ns = 0;
+
+	for (uint32_t i = plant->fault_first; i < plant->fault_count; i++) {
+		const struct plant_fault *fault = &plant->faults[i];
+
+		if (fault->kind == PLANT_STARVES && fault->from_ns <= plant->now_ns &&
+		    !is_over(plant, fault) && strcmp(fault->name, name) == 0)
+			until_ns = fault->to_ns;
+	}
+	return until_ns;
+}
+
 bool plant_disk_is(const struct plant *plant, enum plant_fault_kind kind)
 {
 	return lasts(plant, kind, 0);

@@ -40,7 +40,8 @@ static void come_in(void)
 	}
 	if (process->parent != PLANT_RUNNER) /* else the world has named it */
 		plant_name(plant, client_self, program_invocation_short_name);
-	client_tell("begins");
+	process->refused_ns = plant_starves_until_ns(plant, process->name);
+	client_tell("begins%s", process->refused_ns ? " without memory" : "");
 }
 
 void client_begin(void)
@@ -114,6 +115,11 @@ static void suffer(const struct plant_fault *fault)
 {
 	sigset_t all, own;
 
+	if (fault->kind == PLANT_MEMORY) {
+		client_tell("gets no memory for %lld ns", (long long)fault->for_ns);
+		plant->processes[client_self].refused_ns = plant->now_ns + fault->for_ns;
+		return;
+	}
 	if (fault->kind == PLANT_POWER)
 		lose_power();
 	if (fault->kind == PLANT_KILL) {

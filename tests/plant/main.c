@@ -48,6 +48,8 @@ static const char help[] =
     "  full     TIME TO                  the disk is full\n"
     "  refuses  TIME TO                  half of what would change it fails\n"
     "  worn     TIME TO                  half of what reads it fails\n"
+    "  memory   NAME TIME CALLS FOR      it gets none for that long\n"
+    "  starve   NAME TIME TO             it gets none until then when it begins\n"
     "  stop     NAME TIME CALLS FOR      it does not run for that long\n"
     "  cut      PORT TIME TO             no octet passes the TCP port\n"
     "  lose     PORT TIME                nothing of its connections arrives any more; new ones can be made\n"
@@ -122,12 +124,15 @@ static void add_fault(enum plant_fault_kind kind, char *words[], size_t count)
 	if (kind == PLANT_CUT) {
 		fault->port = (uint16_t)number_of(words[1]);
 		fault->to_ns = BEGIN_NS + ns_of(words[3]);
+	} else if (kind == PLANT_STARVES) {
+		snprintf(fault->name, sizeof(fault->name), "%s", words[1]);
+		fault->to_ns = BEGIN_NS + ns_of(words[3]);
 	} else {
 		snprintf(fault->name, sizeof(fault->name), "%s", words[1]);
 		fault->calls = number_of(words[3]);
 		fault->to_ns = fault->from_ns + CALL_WITHIN_NS;
 	}
-	if (kind == PLANT_STOP)
+	if (kind == PLANT_STOP || kind == PLANT_MEMORY)
 		fault->for_ns = ns_of(count > 4 ? words[4] : NULL);
 	plant->fault_count++;
 }
@@ -219,6 +224,10 @@ static void take_line(char *line)
 		add_fault(PLANT_KILL, words, count);
 	else if (strcmp(words[0], "stop") == 0)
 		add_fault(PLANT_STOP, words, count);
+	else if (strcmp(words[0], "memory") == 0)
+		add_fault(PLANT_MEMORY, words, count);
+	else if (strcmp(words[0], "starve") == 0)
+		add_fault(PLANT_STARVES, words, count);
 	else if (strcmp(words[0], "power") == 0)
 		add_fault(PLANT_POWER, words, count);
 	else if (strcmp(words[0], "disk") == 0)

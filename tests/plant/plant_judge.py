@@ -386,7 +386,7 @@ def events_are_in_order(history: History) -> Iterator[Violation]:
 def is_trouble_of(device: str, fault: Fault) -> bool:
     """It may keep the device from being read. What comes late falls into what others say on the line."""
     line = device.split(".")[0]
-    if fault.kind in ("reload", "closing", "tearing", "idling", *DISK):
+    if fault.kind in ("reload", "closing", "tearing", "idling", "memory", *DISK):
         return False
     if fault.kind in ("cut", "lost", "power"):
         return (line, fault.of) == (f"{NETWORKED}", f"{MODBUS_PORT}")
@@ -688,6 +688,16 @@ def no_log_is_flooded(history: History) -> Iterator[Violation]:
             yield Violation("log", history.end_s, f"{program} writes {count} lines in a minute")
 
 
+def who_cannot_start_says_why(history: History) -> Iterator[Violation]:
+    """Each module that begins without memory and ends has a line that says so."""
+    begun = any(fault.kind == "kill" and fault.for_s for fault in history.faults)
+    log = history.run.log("gateway") if begun else []
+    ended = sum("exited with code" in line for line in log)
+    said = sum("memory" in line for line in log)
+    if said < ended:
+        yield Violation("start", history.end_s, f"{ended} modules could not start, {said} said why")
+
+
 def nobody_crashes(history: History) -> Iterator[Violation]:
     if history.run.code != 0:
         yield Violation("no crash", history.end_s, history.run.said)
@@ -695,6 +705,7 @@ def nobody_crashes(history: History) -> Iterator[Violation]:
 
 OF_THE_PLANT = (
     nobody_crashes,
+    who_cannot_start_says_why,
     periods_are_kept,
     no_log_is_flooded,
     devices_are_of_the_configuration,

@@ -57,6 +57,8 @@ CONNECTED_S = 20.0  # by then a connection over GPRS is made: what was before is
 SESSION_LONGEST_S = 30.0
 BESIDE_A_LEAP_S = 3.0  # rtud has to be there to see it
 CALL_WITHIN_S = 10.0  # main.c
+STARVED_S, STARVED_PART = 8.0, 0.5
+REFUSED_EACH_S = (10.0, 40.0)
 DRIFT_PPM = 500  # as much as a daemon may slew a clock
 LEAST_STEP_S = 1000.0
 FAR_LINES = (1, NETWORKED)
@@ -268,12 +270,29 @@ def with_a_clock(world: World) -> World:
     return replace(world, changes=changes, faults=faults, drift_ppm=drift_ppm)
 
 
+def without_memory(world: World, modules: tuple[str, ...]) -> World:
+    """Some that are killed begin without memory for a while, and some get none while they run."""
+    chance = random.Random(world.seed)
+    faults = [
+        replace(fault, for_s=round(STARVED_S * chance.random(), 3))
+        if fault.kind == "kill" and fault.of in modules and chance.random() < STARVED_PART
+        else fault
+        for fault in world.faults
+    ]
+    at_s = FAULTS_FROM_S
+    while (at_s := at_s + chance.uniform(*REFUSED_EACH_S)) < world.seconds - RECOVERY_S:
+        of, calls = chance.choice(modules), chance.randrange(CALLS_MAX)
+        faults.append(Fault(round(at_s, 3), "memory", of, calls, round(chance.uniform(1.0, 10.0), 3)))
+    return replace(world, faults=tuple(sorted(faults, key=lambda fault: fault.at_s)))
+
+
 def stored(seed: int, seconds: float, fault_every_s: float = 30.0) -> World:
     """The same, of a gateway with a journal that loses its power, and whose disk fails."""
     disk = (Disk(),)
     of_seed = Field(random.Random(seed), seconds, modules=modules_of(disk))
     changes = of_seed.changes(mean_s=1.0)
-    return World(seed, seconds, changes, of_seed.made_by(of_seed.stored_fault, fault_every_s), fronts=disk)
+    world = World(seed, seconds, changes, of_seed.made_by(of_seed.stored_fault, fault_every_s), fronts=disk)
+    return without_memory(world, modules_of(disk))
 
 
 def restless(seed: int, seconds: float, fault_every_s: float = 8.0) -> World:

@@ -62,11 +62,13 @@ class Fault:
 
     def __str__(self) -> str:
         what = {
-            "kill": f"{self.of} is killed at its call {self.calls}",
+            "kill": f"{self.of} is killed at its call {self.calls}"
+            + (f", and begins without memory for {self.for_s:.3f} s" if self.for_s else ""),
             "blackout": f"the gateway loses power at call {self.calls} of {self.of}",
             "full": f"the disk is full for {self.for_s:.3f} s",
             "refuses": f"the disk fails half of what changes it, for {self.for_s:.3f} s",
             "worn": f"the disk fails half of what reads it, for {self.for_s:.3f} s",
+            "memory": f"{self.of} gets no memory for {self.for_s:.3f} s from its call {self.calls} on",
             "stop": f"{self.of} stops for {self.for_s:.3f} s at its call {self.calls}",
             "cut": f"TCP port {self.of} is cut for {self.for_s:.3f} s",
             "lost": f"connections to TCP port {self.of} are lost, and nobody is told",
@@ -393,8 +395,10 @@ class World:
             match fault.kind:
                 case "kill":
                     lines.append(["kill", fault.of, f"{fault.at_s}", f"{fault.calls}"])
-                case "stop":
-                    lines.append(["stop", fault.of, f"{fault.at_s}", f"{fault.calls}", f"{fault.for_s}"])
+                    if fault.for_s:
+                        lines.append(["starve", fault.of, f"{fault.at_s}", f"{fault.end_s}"])
+                case "stop" | "memory":
+                    lines.append([fault.kind, fault.of, f"{fault.at_s}", f"{fault.calls}", f"{fault.for_s}"])
                 case "cut":
                     lines.append(["cut", fault.of, f"{fault.at_s}", f"{fault.end_s}"])
                 case "blackout":

@@ -44,6 +44,7 @@ struct plant_process {
 	uint64_t asked;      /* the last change that it knew when it was not ready */
 	int64_t deadline_ns; /* when it is ready at the latest */
 	int64_t stopped_ns;  /* not before this time */
+	int64_t refused_ns;  /* until then it gets no memory */
 	uint64_t calls;
 	char name[PLANT_NAME_SIZE];
 };
@@ -51,8 +52,10 @@ struct plant_process {
 enum plant_fault_kind {
 	PLANT_KILL,
 	PLANT_STOP,
+	PLANT_MEMORY, /* is refused for for_ns */
 	PLANT_POWER, /* all that the same start has brought die with it, and the disk loses what it had not written */
 	PLANT_CUT,
+	PLANT_STARVES, /* a process of that name that begins gets no memory */
 	PLANT_FULL,    /* the disk: */
 	PLANT_REFUSES, /* errors of half of what would change it */
 	PLANT_WORN,    /* of half of what reads it */
@@ -187,6 +190,9 @@ __attribute__((format(printf, 3, 4))) void plant_tell(struct plant *plant, uint3
 
 /* No octet passes this port now. */
 bool plant_is_cut(const struct plant *plant, uint16_t port);
+
+/* Until when who begins now gets no memory. */
+int64_t plant_starves_until_ns(const struct plant *plant, const char *name);
 
 /* What the calendar clock is ahead of the other now. */
 int64_t plant_ahead_ns(const struct plant *plant);
