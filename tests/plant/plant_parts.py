@@ -7,6 +7,7 @@ They run in the plant, under its clock, and import nothing but the standard libr
 import contextlib
 import json
 import os
+import random
 import select
 import shutil
 import socket
@@ -27,6 +28,7 @@ ACKNOWLEDGE = struct.Struct("<BBHIQ16x")
 PACKET_MAX = 65536
 PAUSE_S = 0.1
 RESTART_S = 1.0
+HEARING_PART = 0.1
 WATCH_NS = 10**9
 
 
@@ -183,6 +185,30 @@ def ended_with(program: str, *arguments: str) -> int:
     return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
 
 
+STARTDT = bytes((0x68, 4, 7, 0, 0, 0))
+WORDS = (
+    b"",
+    STARTDT,
+    STARTDT[:3],
+    b"GET / HTTP/1.1\r\n\r\n",
+    bytes(300),
+    STARTDT + bytes((0x68, 14, 2, 0, 0, 0)),
+)
+
+
+def strangers(port: int, seed: int) -> None:
+    """Who connects, says something, may hear something, and goes."""
+    chance = random.Random(seed)
+    while True:
+        with socket.socket() as peer, contextlib.suppress(OSError):
+            peer.settimeout(1.0)
+            peer.connect(("127.0.0.1", port))
+            peer.sendall(chance.choice(WORDS))
+            if chance.random() < HEARING_PART:
+                peer.recv(PACKET_MAX)
+        time.sleep(chance.uniform(0.02, 0.3))
+
+
 def keep(program: str, *arguments: str) -> None:
     """What the init system of a machine does: starts a program again when it has ended."""
     while True:
@@ -221,6 +247,8 @@ if __name__ == "__main__":
             watch(Path(path))
         case ["reload", map_, folder, rtuctl]:
             reload(map_, Path(folder), rtuctl)
+        case ["strangers", port, seed]:
+            strangers(int(port), int(seed))
         case ["keep-machine", disk, map_, *words]:
             keep_machine(Path(disk), Path(map_), *words)
         case ["keep", *words]:

@@ -15,6 +15,7 @@ from front_logic import Logic
 from front_masters import SecondMaster
 from front_mms import Mms
 from front_snmp import Snmp
+from front_strangers import Strangers
 from plant_world import (
     CHANGES_FROM_S,
     CONFIGURATIONS,
@@ -341,7 +342,7 @@ def world_of(seed: int, seconds: float, fault_every_s: float = 30.0) -> World:
         case 0 | 3:
             return restless(seed, seconds)
         case 1:
-            return with_a_clock(troubled(seed, seconds, fault_every_s))
+            return with_a_clock(troubled(seed, seconds, fault_every_s, (Strangers(),)))
         case 4:
             return stored(seed, seconds, fault_every_s)
     return far(seed, seconds, fault_every_s)

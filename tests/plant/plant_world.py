@@ -189,6 +189,11 @@ class Front:
 
     has_disk = False  # its folder "data" is one
 
+    @property
+    def lines(self) -> dict[str, int]:
+        """In a minute of the log, of a program of which it makes more than there are else."""
+        return {}
+
     def configure(self, world: World, config: dict[str, Any], folder: Path) -> None:
         """Its part of the gateway's configuration."""
 
