@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Strangers at the gateway (docs/plant.md): the centre notices nothing, the log counts the lines it leaves out."""
+"""Strangers at the gateway (docs/plant.md): the centre notices nothing, the log counts what it leaves out."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +20,7 @@ def visited(programs: Path, linesim_program: Path, folder: Path) -> Run:
 
 def test_strangers_fill_no_log_and_take_nothing_from_the_centre(visited: Run) -> None:
     log = visited.log("gateway")
-    assert len({line for line in log if "127.0.0.9" in line and "connection ends" in line}) > 50
+    assert len({line for line in log if "127.0.0.9" in line and "connection ends" in line}) > 40
     assert [line for line in log if "lines about connections are left out" in line]
     assert max(count for program, count in lines_a_minute(visited) if program == "rtu-iec104") > 200
     assert judge(visited) == []
