@@ -170,9 +170,12 @@ class TcpDevice(Device):
                 continue
             if (may_hang and mood.hangs_after and answers >= mood.hangs_after) or not self._hears():
                 continue
-            transaction, _, _, unit, function, _, count = struct.unpack(">HHHBBHH", frame[:12])
-            head = struct.pack(">HHHBBB", transaction, 0, 3 + 2 * count, unit, function, 2 * count)
-            connection.sendall(head + bytes(2 * count))
+            transaction, _, _, unit, function, _, count = struct.unpack(">HHHBBHH", frame[:12].ljust(12))
+            if function == READ_HOLDING:
+                head = struct.pack(">HHHBBB", transaction, 0, 3 + 2 * count, unit, function, 2 * count)
+                connection.sendall(head + bytes(2 * count))
+            else:
+                connection.sendall(struct.pack(">HHHBBB", transaction, 0, 3, unit, function | 0x80, 1))
             answers += 1
             self._answered()
             if mood.hangs_up:

@@ -97,6 +97,7 @@ SITES = [
     Site("rs485", "port[0].rs485"),
     Site("inactive_port", "port[1]"),
     Site("slave", "port[0].slaves[0]"),
+    Site("identification", "port[0].slaves[0].identification"),
     Site("template", "templates.meter"),
     Site("object", "port[0].slaves[1].coils[0]", ("bits", "coil")),
     Site("object", "port[0].slaves[1].discrete_inputs[0]", ("bits", "discrete_input")),
@@ -165,6 +166,7 @@ COMPANIONS: dict[str, dict[str, Any]] = {
         for table in ("discrete_input", "input_register", "register_bits")
         for key in ("write_at_return", "write_every_ms")
     },
+    "slave.id": {"identification": REMOVED},  # a broadcast address says nothing
     "quality": {"type": "normalized"},
     "step": {"type": "float", "min": -2, "max": 2},
     "min": {"step": 1, "max": 1e31},
@@ -199,7 +201,7 @@ def small_file() -> dict[str, Any]:
     device["discrete_inputs"].append({"address": 700})
     device["holding_registers"].append({"address": 77})
     device["input_registers"].append({"address": 9, "bit": 3, "ioa": 60003})
-    slaves = [{"id": 1}, device]
+    slaves = [{"id": 1, "identification": {}}, device]
     ports = [
         {"value": 3, "active": 1, **line, "rs485": {}, "slaves": slaves},
         {"value": 5, "active": 0},

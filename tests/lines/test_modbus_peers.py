@@ -4,7 +4,7 @@
 import contextlib
 import random
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -237,6 +237,27 @@ def test_2000_bits_and_125_registers_come_in_one_answer(peer: Peer) -> None:
     states = [DOUBLE_STATES[pair] for pair in zip(bits[::2], bits[1::2], strict=True)]
     assert [reports[10001 + address].value for address in MANY_BITS[::2]] == states
     assert [reports[30001 + address].value & 0xFFFF for address in MANY_REGISTERS] == words
+
+
+def test_a_device_says_what_it_is_or_is_left_alone(peers: dict[str, Peer]) -> None:
+    """libmodbus does not know function 43: it answers nothing on a line, and an exception on TCP."""
+    for name, peer in peers.items():
+
+        def row(peer: Peer = peer) -> dict[str, Any]:
+            devices = [row for line in peer.gateway.query("lines") for row in line["devices"]]
+            return next(row for row in devices if row["port"] == peer.ca // 1000)
+
+        def is_asked(row: Callable[[], dict[str, Any]] = row) -> bool:
+            return row()["identification_state"] != "not asked yet"
+
+        peer.gateway.wait_for(is_asked, 60.0, f"{name} was asked")
+        said = row()
+        assert said["alive"]
+        if name.startswith("pymodbus"):
+            assert said["identified"] == "pymodbus peer 1.0"
+        else:
+            assert said["identification_state"] in ("refused", "no answer")
+            assert said["identification"] == {}
 
 
 # ---- what the device does not have ----------------------------------------------------------------------

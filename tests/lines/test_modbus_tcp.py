@@ -30,7 +30,7 @@ from peers.pymodbus_device import PymodbusDevice
 from rig.capture import recorded
 from rig.desk import patience
 
-READ_HOLDING, WRITE_REGISTER = 3, 6
+READ_HOLDING, WRITE_REGISTER, ENCAPSULATED = 3, 6, 43
 NO_TARGET = 11
 NEIGHBOUR = f"p1.{UNIT}.*"
 NOTICE_S = 15.0
@@ -55,7 +55,9 @@ class Request:
         return struct.pack(">HHHB", self.transaction, 0, 1 + len(pdu), self.unit) + pdu
 
     def answer(self) -> bytes:
-        """Holding register n has n + 1; a write is confirmed and forgotten."""
+        """Holding register n has n + 1; a write is confirmed and forgotten. Nobody says what it is."""
+        if self.function == ENCAPSULATED:
+            return self.exception(1)
         if self.function != READ_HOLDING:
             return self.frame(struct.pack(">BHH", self.function, self.address, self.value))
         values = range(self.address + 1, self.address + 1 + self.value)
@@ -63,6 +65,11 @@ class Request:
 
     def exception(self, code: int) -> bytes:
         return self.frame(bytes([self.function | 0x80, code]))
+
+
+def request_of(frame: bytes) -> Request:
+    transaction, _, _, unit, function, address = struct.unpack(">HHHBBH", frame[:10])
+    return Request(transaction, unit, function, address, int.from_bytes(frame[10:12]))
 
 
 class Server:
@@ -114,10 +121,9 @@ class Server:
         """Until the peer hangs up, or `respond` raises OSError to do so itself."""
         came = b""
         while not self._stop.is_set():
-            while len(came) >= 12:
-                transaction, _, length, *fields = struct.unpack(">HHHBBHH", came[:12])
-                came = came[6 + length :]
-                connection.sendall(self.respond(Request(transaction, *fields)))
+            while len(came) >= 6 and len(came) >= (whole := 6 + int.from_bytes(came[4:6])):
+                frame, came = came[:whole], came[whole:]
+                connection.sendall(self.respond(request_of(frame)))
             if select.select([connection], [], [], 0.02)[0]:
                 chunk = connection.recv(4096)
                 if not chunk:
@@ -316,10 +322,9 @@ class Moody(Server):
             frame = connection.recv(4096)
             if not frame:
                 return
-            transaction, _, _, *fields = struct.unpack(">HHHBBHH", frame[:12])
             if self.hangs_after and answered >= self.hangs_after:
                 continue
-            connection.sendall(Request(transaction, *fields).answer())
+            connection.sendall(request_of(frame).answer())
             answered += 1
             if self.hangs_up:
                 return

@@ -154,6 +154,24 @@ static int load_table(struct slave *slave, enum slave_table table, json_t *objec
 	return 0;
 }
 
+/* What the gateway expects, the device says. */
+static int load_identification(struct slave *slave, json_t *texts, const char *path, char *error)
+{
+	static const char *const keys[SLAVE_IDENTIFIED] = {"vendor_name",     "product_code", "revision",
+							   "vendor_url",      "product_name", "model_name",
+							   "application_name"};
+
+	for (unsigned i = 0; i < SLAVE_IDENTIFIED; i++) {
+		const char *text = json_string_value(json_object_get(texts, keys[i]));
+
+		if (text && strlen(text) >= SLAVE_IDENTIFIED_SIZE)
+			return fail(error, "%s.identification.%s: is too long", path, keys[i]);
+		if (text)
+			strcpy(slave->identification[i], text);
+	}
+	return 0;
+}
+
 static int load_slave(struct line *line, json_t *description, const char *path, char *error)
 {
 	long unit;
@@ -174,6 +192,10 @@ static int load_slave(struct line *line, json_t *description, const char *path, 
 	if (!slave)
 		return fail(error, "%s: out of memory", path);
 	slave->unit = (uint8_t)unit;
+	if (load_identification(slave, json_object_get(description, "identification"), path, error)) {
+		free(slave);
+		return -1;
+	}
 	line->slaves[unit] = slave;
 	for (enum slave_table table = SLAVE_COILS; table < SLAVE_TABLES; table++)
 		if (load_table(slave, table, json_object_get(description, slave_table_name(table)), path,

@@ -201,6 +201,42 @@ static enum exception write_registers(struct transaction *t, enum slave_table ta
 	return confirm_write(t);
 }
 
+/* Clause 6.21, of the streams of basic and regular objects: as many as one answer holds. */
+static enum exception identify(struct transaction *t, enum slave_table table)
+{
+	const unsigned last = t->request_size == 4 && t->request[2] == 1 ? 3 : SLAVE_IDENTIFIED;
+	unsigned object;
+
+	(void)table;
+	if (t->slave->identification[0][0] == '\0' || t->request_size < 2 || t->request[1] != 14)
+		return ILLEGAL_FUNCTION;
+	if (t->request_size != 4 || t->request[2] < 1 || t->request[2] > 2)
+		return ILLEGAL_DATA_VALUE;
+	if (t->request[3] >= SLAVE_IDENTIFIED)
+		return ILLEGAL_DATA_ADDRESS;
+	memcpy(t->answer, (const uint8_t[]){43, 14, t->request[2], 0x02, 0, 0, 0}, 7);
+	t->answer_size = 7;
+	for (object = t->request[3]; object < last; object++) {
+		const char *text = t->slave->identification[object];
+		const size_t length = strlen(text);
+
+		if (length == 0)
+			continue;
+		if (t->answer_size + 2 + length > SLAVE_PDU_MAX)
+			break;
+		t->answer[t->answer_size] = (uint8_t)object;
+		t->answer[t->answer_size + 1] = (uint8_t)length;
+		memcpy(t->answer + t->answer_size + 2, text, length);
+		t->answer_size += 2 + length;
+		t->answer[6]++;
+	}
+	if (object < last) {
+		t->answer[4] = 0xff;
+		t->answer[5] = (uint8_t)object;
+	}
+	return NO_EXCEPTION;
+}
+
 static const struct {
 	uint8_t code;
 	enum exception (*execute)(struct transaction *t, enum slave_table table);
@@ -215,6 +251,7 @@ static const struct {
     {15, write_coils, SLAVE_COILS},
     {16, write_registers, SLAVE_HOLDING_REGISTERS},
     {22, mask_register, SLAVE_HOLDING_REGISTERS},
+    {43, identify, SLAVE_TABLES},
 };
 
 static enum exception execute(struct transaction *t)

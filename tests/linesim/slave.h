@@ -10,10 +10,12 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define SLAVE_UNIT_MAX    247
-#define SLAVE_BROADCAST   0
-#define SLAVE_PDU_MAX     253 /* clause 4.1 */
-#define SLAVE_TABLE_CELLS 65536
+#define SLAVE_UNIT_MAX        247
+#define SLAVE_BROADCAST       0
+#define SLAVE_PDU_MAX         253 /* clause 4.1 */
+#define SLAVE_TABLE_CELLS     65536
+#define SLAVE_IDENTIFIED      7 /* clause 6.21: basic and regular objects */
+#define SLAVE_IDENTIFIED_SIZE 41
 
 enum slave_table {
 	SLAVE_COILS,
@@ -68,6 +70,9 @@ struct slave {
 	int64_t deaf_until_ns; /* SLAVE_DEAF */
 	struct slave_stats stats;
 	struct slave_cells table[SLAVE_TABLES];
+	char identification
+	    [SLAVE_IDENTIFIED]
+	    [SLAVE_IDENTIFIED_SIZE]; /* objects of function 43/14; the first empty: it does not know it */
 };
 
 /* The cells that a request touched, for the log. count 0: none. */

@@ -27,7 +27,9 @@ def _registers() -> list[SimData]:
 
 
 class PymodbusDevice(Device):
-    identity: ModbusDeviceIdentification | None = None
+    identity = ModbusDeviceIdentification(
+        info_name={"VendorName": "pymodbus", "ProductCode": "peer", "MajorMinorRevision": "1.0"}
+    )
     framer = FramerType.SOCKET  # on TCP
     line_framer = FramerType.RTU  # on a line
     _server: ModbusSerialServer | ModbusTcpServer
@@ -68,6 +70,7 @@ class PymodbusDevice(Device):
             self._server = ModbusSerialServer(
                 memory,
                 framer=self.line_framer,
+                identity=self.identity,
                 port=str(self.place),
                 baudrate=BAUD_RATE,
                 trace_pdu=self._trace,

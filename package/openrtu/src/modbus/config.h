@@ -9,6 +9,7 @@
 #include "map/config.h"
 #include "modbus/format.h"
 #include "modbus/frame.h"
+#include "modbus/identity.h"
 
 #define MODBUS_PATH_SIZE 64 /* a serial device's path */
 
@@ -19,6 +20,7 @@
 #define MODBUS_KNOTS    MAP_SECTION_ID('M', 'B', 'K', 'N')
 #define MODBUS_EXTRAS   MAP_SECTION_ID('M', 'B', 'E', 'X')
 #define MODBUS_KEEPS    MAP_SECTION_ID('M', 'B', 'K', 'P')
+#define MODBUS_EXPECTED MAP_SECTION_ID('M', 'B', 'I', 'D')
 
 #define MODBUS_KNOTS_MAX UINT16_MAX /* of all scaling tables */
 
@@ -76,7 +78,7 @@ struct modbus_slave {
 	uint32_t reaction_us; /* from the silence behind a request to its answer's first byte, 0: not known */
 	uint16_t pause_ms;    /* the least between its answer and the next request to it */
 	uint8_t writes_multiple; /* one coil or register is written with function 15 or 16 at first */
-	uint8_t reserved;
+	uint8_t not_asked;       /* what it is: function 43 */
 };
 
 enum modbus_point_flag {
@@ -125,6 +127,13 @@ struct modbus_keep {
 	double value;
 	uint32_t has_value; /* else it is what was commanded last */
 	uint32_t reserved;
+};
+
+/* What a device shall say that it is: an object of its identification; in the order of the slaves. */
+struct modbus_expected {
+	uint32_t slave;
+	uint8_t object;
+	char text[MODBUS_IDENTITY_TEXT + 1]; /* Latin-1, as the device sends it */
 };
 
 #define MODBUS_PERIOD_MAX_MS 0x7FFFFFFu /* that a point has room for; a day is less */
@@ -241,6 +250,17 @@ static inline bool modbus_is_broadcast(const struct map_config *config, uint32_t
 	const struct modbus_slave *is = &modbus_slaves(config)[slave];
 
 	return is->unit == MODBUS_BROADCAST && modbus_ports(config)[is->port].framing != MODBUS_FRAMING_TCP;
+}
+
+/* What it is: function 43. */
+static inline bool modbus_is_asked(const struct map_config *config, uint32_t slave)
+{
+	return !modbus_slaves(config)[slave].not_asked && !modbus_is_broadcast(config, slave);
+}
+
+static inline struct modbus_expected *modbus_expected(const struct map_config *config)
+{
+	return map_records(config, MODBUS_EXPECTED, sizeof(struct modbus_expected));
 }
 
 /* A bit, or two neighbours, of a register. */

@@ -3,6 +3,7 @@
 #include "map/time_ns.h"
 #include "modbus/config_loader.h"
 
+#include <stdlib.h>
 #include <string.h>
 
 #define DESCRIPTION_MAX 63 /* octets: as the report's program takes it */
@@ -31,6 +32,8 @@ enum {
 	SLAVE_HOLES,
 	SLAVE_READ_BACK,
 	SLAVE_WRITE_FUNCTION,
+	SLAVE_IDENTIFY,
+	SLAVE_IDENTIFICATION,
 	SLAVE_CA,
 	SLAVE_IOA_OFFSET,
 	SLAVE_NAME_PREFIX,
@@ -40,6 +43,15 @@ enum {
 	SLAVE_OVERRIDES,
 	SLAVE_KEYS
 };
+/* The objects of its identification, by their numbers. */
+enum { IDENTIFICATION_KEYS = MODBUS_IDENTITY_OBJECTS };
+#define IDENTIFIED(name, says)                                                                               \
+	{name, CONFIG_TEXT, .low = 1, .high = MODBUS_IDENTITY_TEXT,                                          \
+	 CONFIG_SAYS(says, .pattern = "^[ -~\\u00a0-\\u00ff]*$")},
+static const struct config_rule identification_rules[IDENTIFICATION_KEYS] = {
+    MODBUS_IDENTITY_NAMES(IDENTIFIED)};
+CONFIG_TABLE(identification_table, .name = "identification", .rules = identification_rules,
+	     .count = IDENTIFICATION_KEYS);
 static const char *const write_functions[] = {"single", "multiple", NULL};
 static const struct config_rule slave_rules[SLAVE_KEYS] = {
     [MODBUS_COILS] = {"coils", CONFIG_ARRAY, .high = CONFIG_POINTS_MAX,
@@ -109,6 +121,14 @@ static const struct config_rule slave_rules[SLAVE_KEYS] = {
 					  "function 5 or 6, multiple with 15 or "
 					  "16. After exception 1 (illegal function) it is the other.",
 					  .see = "telecontrol.md#which-function-writes")},
+    [SLAVE_IDENTIFY] = {"identify", CONFIG_BOOLEAN, .fallback = true,
+			CONFIG_SAYS("The device is asked what it is (function 43/14) when it answers for the "
+				    "first time and when it is back. With false, never.",
+				    .see = "configuration.md#what-a-device-is")},
+    [SLAVE_IDENTIFICATION] = {"identification", CONFIG_OBJECT,
+			      CONFIG_SAYS("What it shall say that it is. `rtuctl lines` says what differs.",
+					  .table = &identification_table,
+					  .see = "configuration.md#what-a-device-is")},
     [SLAVE_CA] = {"ca", CONFIG_INTEGER, .low = 1, .high = 65534,
 		  CONFIG_SAYS(
 		      "Common address, which several slaves may share. Without it, 1000 × port + id.")},
@@ -150,7 +170,9 @@ CONFIG_SHARED_TABLE(modbus_slave_table, .name = "slave", .rules = slave_rules, .
 					    "pause_ms" : false,
 					    "max_bits" : false,
 					    "max_registers" : false,
-					    "holes" : false
+					    "holes" : false,
+					    "identify" : false,
+					    "identification" : false
 				    }
 			    }
 		    }));
@@ -203,7 +225,9 @@ static void check_broadcast(struct modbus_loader *loader, const struct config_pl
 	for (size_t key = SLAVE_PROBE_MAX; key <= SLAVE_TEMPLATE; key++) {
 		const struct config_place here = config_key_of(slave, slave_rules[key].name);
 
-		if ((key <= SLAVE_HOLES || key == SLAVE_TEMPLATE) && values[key].given)
+		if ((key <= SLAVE_HOLES || key == SLAVE_IDENTIFY || key == SLAVE_IDENTIFICATION ||
+		     key == SLAVE_TEMPLATE) &&
+		    values[key].given)
 			config_error(loader->report, &here,
 				     "has no meaning for slave 0: the broadcast address is never read");
 	}
@@ -303,6 +327,7 @@ static void add_device(struct modbus_loader *loader, const struct config_place *
 	    .reaction_us = reaction_us(loader, place, values),
 	    .pause_ms = (uint16_t)values[SLAVE_PAUSE].integer,
 	    .writes_multiple = values[SLAVE_WRITE_FUNCTION].integer != 0,
+	    .not_asked = !values[SLAVE_IDENTIFY].integer,
 	};
 	snprintf(set->prefix, sizeof(set->prefix), "p%u.%u", port->port, unit);
 	if (values[SLAVE_DESCRIPTION].given && values[SLAVE_DESCRIPTION].text[0] != '\0')
@@ -449,6 +474,68 @@ static void fill_entry(struct modbus_entry *entry, const struct config_value *va
 	entry->overrides = values[SLAVE_OVERRIDES].given ? values[SLAVE_OVERRIDES].json : NULL;
 }
 
+/* So many more. False: there is no memory. */
+static bool make_room_for_expected(struct map_config *config, size_t more)
+{
+	const uint32_t count = map_record_count(config, MODBUS_EXPECTED);
+	struct modbus_expected *before = modbus_expected(config);
+	struct modbus_expected *records = reallocarray(before, count + more, sizeof(*records));
+
+	if (records == NULL)
+		return false;
+	if (before == NULL)
+		map_add_section(config, MODBUS_EXPECTED, sizeof(*records), 0, records);
+	else
+		map_move_section(config, MODBUS_EXPECTED, records);
+	return true;
+}
+
+/* UTF-8 of what Latin-1 has, as Latin-1. False: it has others. */
+static bool as_latin(const char *text, char out[MODBUS_IDENTITY_TEXT + 1])
+{
+	size_t length = 0;
+
+	for (const uint8_t *at = (const uint8_t *)text; *at != '\0'; at++) {
+		uint8_t octet = *at;
+
+		if (octet >= 0x80 && (octet & ~1u) != 0xC2)
+			return false;
+		if (octet >= 0x80)
+			octet = (uint8_t)((octet & 3u) << 6 | (*++at & 0x3Fu));
+		if (length == MODBUS_IDENTITY_TEXT)
+			return false;
+		out[length++] = (char)octet;
+	}
+	out[length] = '\0';
+	return true;
+}
+
+static void read_identification(struct modbus_loader *loader, const struct config_place *slave,
+				const struct config_value *values)
+{
+	const struct config_place here = config_key_of(slave, slave_rules[SLAVE_IDENTIFICATION].name);
+	struct config_value texts[IDENTIFICATION_KEYS];
+
+	config_read_keys(loader->report, &here, values[SLAVE_IDENTIFICATION].json, identification_rules,
+			 IDENTIFICATION_KEYS, texts);
+	if (!make_room_for_expected(loader->config, IDENTIFICATION_KEYS)) {
+		config_out_of_memory(loader->report);
+		return;
+	}
+	for (uint8_t i = 0; i < IDENTIFICATION_KEYS; i++) {
+		const struct config_place key = config_key_of(&here, identification_rules[i].name);
+		struct modbus_expected *expected;
+
+		if (!texts[i].given)
+			continue;
+		expected = map_next_record(loader->config, MODBUS_EXPECTED);
+		*expected = (struct modbus_expected){.slave = loader->config->set_count - 1, .object = i};
+		if (!as_latin(texts[i].text, expected->text))
+			config_error(loader->report, &key,
+				     "has characters that no device sends, expected Latin-1");
+	}
+}
+
 static void read_slave(struct modbus_loader *loader, const struct config_place *place, const json_t *json,
 		       struct modbus_entry entry, size_t slave_of[UNIT_ITSELF + 1])
 {
@@ -483,6 +570,8 @@ static void read_slave(struct modbus_loader *loader, const struct config_place *
 		modbus_read_objects(loader, place, values[table].json, (enum modbus_table)table, entry);
 	set->point_count = loader->config->point_count - set->first_point;
 	check_spans(loader, set);
+	if (values[SLAVE_IDENTIFICATION].given)
+		read_identification(loader, place, values);
 }
 
 void modbus_read_slaves(struct modbus_loader *loader, const struct config_place *port, const json_t *slaves)

@@ -135,6 +135,11 @@ static bool configure_device(const struct map_config *config, uint32_t slave, st
 			device->objects[device->object_count++] =
 			    object_of(&modbus_points(config)[number], number);
 	}
+	if (modbus_is_asked(config, slave)) {
+		device->identity = calloc(1, sizeof(*device->identity));
+		if (device->identity == NULL)
+			return false;
+	}
 	return configure_kept(config, set, device);
 }
 
@@ -181,6 +186,7 @@ void modbus_line_release(struct modbus_line *line)
 	for (uint32_t i = 0; i < line->device_count; i++) {
 		free(line->devices[i].objects);
 		free(line->devices[i].reads);
+		free(line->devices[i].identity);
 		for (uint32_t j = 0; j < line->devices[i].kept_count; j++)
 			free(line->devices[i].kept[j].constants);
 		free(line->devices[i].kept);

@@ -9,9 +9,11 @@
 #include "modbus/mbap.h"
 #include "modbus/plan.h"
 
-#define COIL_ON    0xFF00
-#define HEAD       2 /* unit, function */
-#define COUNT_NOTE 3 /* behind unit, function and the number of octets */
+#define COIL_ON        0xFF00
+#define HEAD           2 /* unit, function */
+#define IDENTIFICATION 14
+#define IDENTIFIED_AT  8 /* where an answer's objects begin: number, length, text */
+#define COUNT_NOTE     3 /* behind unit, function and the number of octets */
 
 struct words {
 	char *out;
@@ -127,10 +129,35 @@ static size_t fixed_length(uint8_t function)
 	return HEAD + (function == MODBUS_MASK_WRITE_REGISTER ? 6u : 4u);
 }
 
+/* Its maker, product, version. */
+static void say_identification(struct words *words, const uint8_t *body, size_t length)
+{
+	size_t at = IDENTIFIED_AT;
+
+	say(words, "identification:");
+	for (uint8_t i = 0; i < body[IDENTIFIED_AT - 1] && at + 2 <= length; i++) {
+		const uint8_t *text = body + at + 2;
+
+		at += 2u + body[at + 1];
+		say(words, "%s ", i > 0 ? "," : "");
+		for (; text < body + at && text < body + length; text++)
+			say(words, "%c", *text >= ' ' && *text < 0x7F ? *text : '?');
+	}
+}
+
+static bool is_identification(const uint8_t *body, size_t length)
+{
+	return body[1] == MODBUS_ENCAPSULATED && length > HEAD && body[2] == IDENTIFICATION;
+}
+
 static void say_request(struct words *words, const uint8_t *body, size_t length)
 {
 	const size_t fixed = fixed_length(body[1]);
 
+	if (is_identification(body, length) && length == HEAD + 3) {
+		say(words, "read identification from object %u", body[4]);
+		return;
+	}
 	if (!is_known(body[1]) || length < fixed) {
 		say(words, "function %u, %zu octet%s", body[1], length - HEAD, plural(length - HEAD));
 		return;
@@ -161,6 +188,10 @@ static void say_answer(struct words *words, const uint8_t *body, size_t length)
 {
 	const size_t fixed = fixed_length(body[1]);
 
+	if (is_identification(body, length) && length >= IDENTIFIED_AT) {
+		say_identification(words, body, length);
+		return;
+	}
 	if ((body[1] & MODBUS_EXCEPTION_BIT) && length == COUNT_NOTE)
 		say(words, "exception %u%s, to function %u", body[2], exception_name(body[2]),
 		    body[1] & (unsigned)~MODBUS_EXCEPTION_BIT);

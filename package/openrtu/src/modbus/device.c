@@ -314,6 +314,8 @@ void modbus_device_answered(struct modbus_line *line, uint32_t index, int64_t no
 		modbus_replan(line, device);
 	read_all_at_once(device);
 	write_all_at_once(device);
+	if (device->identity != NULL)
+		modbus_identity_begin(device->identity);
 	device->cursor = 0;
 	line->events->alive(line->context, index, true, now_ns);
 }

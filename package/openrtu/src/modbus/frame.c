@@ -8,6 +8,11 @@
 #define COIL_ON          0xFF00
 #define ECHO_MAX         6 /* of function 22; other writes have 4 */
 
+/* MODBUS Application Protocol V1.1b3, 6.21: device identification. */
+#define IDENTIFICATION     14
+#define IDENTIFIED_COUNT   7 /* where an answer has its number of objects */
+#define IDENTIFIED_OBJECTS 8 /* where they begin: number, length, text */
+
 uint16_t modbus_crc(const uint8_t *bytes, size_t length)
 {
 	uint16_t crc = 0xFFFF;
@@ -88,10 +93,18 @@ static size_t put_echoed(uint8_t *frame, size_t at, const struct modbus_request 
 	}
 }
 
+static size_t put_identification(uint8_t *frame, size_t at, const struct modbus_request *request)
+{
+	frame[at++] = IDENTIFICATION;
+	return put_word(frame, at, request->address);
+}
+
 size_t modbus_request_body(const struct modbus_request *request, uint8_t *body)
 {
 	body[0] = request->unit;
 	body[1] = request->function;
+	if (request->function == MODBUS_ENCAPSULATED)
+		return put_identification(body, HEAD_LENGTH, request);
 	size_t at = put_echoed(body, HEAD_LENGTH, request);
 
 	if (request->function == MODBUS_WRITE_COILS)
@@ -121,13 +134,39 @@ size_t modbus_answer_length(const struct modbus_request *request)
 	if (modbus_is_read(request->function))
 		return HEAD_LENGTH + 1u + modbus_read_bytes(request->function, request->count) +
 		       MODBUS_CRC_LENGTH;
+	if (request->function == MODBUS_ENCAPSULATED)
+		return MODBUS_FRAME_MAX;
 	return HEAD_LENGTH + (request->function == MODBUS_MASK_WRITE_REGISTER ? ECHO_MAX : ECHO_MAX - 2) +
 	       MODBUS_CRC_LENGTH;
 }
 
-/* What stands between unit, function and the data or CRC: the byte count of a read, the echo of a write. */
+/* Of a body that begins so, as far as that has come. */
+static size_t identification_length(const uint8_t *bytes, size_t length)
+{
+	size_t at = IDENTIFIED_OBJECTS;
+
+	if (length < IDENTIFIED_OBJECTS)
+		return IDENTIFIED_OBJECTS;
+	for (uint8_t i = 0; i < bytes[IDENTIFIED_COUNT]; i++) {
+		if (length < at + 2)
+			return at + 2;
+		at += 2u + bytes[at + 1];
+	}
+	return at;
+}
+
+size_t modbus_begun_length(const struct modbus_request *request, const uint8_t *bytes, size_t length)
+{
+	if (request->function == MODBUS_ENCAPSULATED)
+		return identification_length(bytes, length) + MODBUS_CRC_LENGTH;
+	return modbus_answer_length(request);
+}
+
+/* What stands between unit, function and the data or CRC: the byte count of a read, the echo of a write, the kind of identification. */
 static size_t expected_fields(const struct modbus_request *request, uint8_t fields[ECHO_MAX])
 {
+	if (request->function == MODBUS_ENCAPSULATED)
+		return put_identification(fields, 0, request) - 1; /* not the object */
 	if (!modbus_is_read(request->function))
 		return put_echoed(fields, 0, request);
 	fields[0] = (uint8_t)modbus_read_bytes(request->function, request->count);
@@ -151,8 +190,8 @@ static enum modbus_verdict judge_beginning(const struct modbus_request *request,
 	for (size_t i = 0; i < field_count && HEAD_LENGTH + i < length; i++)
 		if (bytes[HEAD_LENGTH + i] != fields[i])
 			return MODBUS_NOT_ITS_OWN;
-	*whole = modbus_answer_length(request) - MODBUS_CRC_LENGTH;
-	return MODBUS_ANSWER;
+	*whole = modbus_begun_length(request, bytes, length) - MODBUS_CRC_LENGTH;
+	return *whole + MODBUS_CRC_LENGTH > MODBUS_FRAME_MAX ? MODBUS_NOT_ITS_OWN : MODBUS_ANSWER;
 }
 
 enum modbus_verdict modbus_answer_judge(const struct modbus_request *request, const uint8_t *bytes,
@@ -182,7 +221,7 @@ size_t modbus_answer_missing(const struct modbus_request *request, const uint8_t
 {
 	bool is_exception = length > 1 ? bytes[1] != request->function : exception_expected;
 
-	return (is_exception ? EXCEPTION_LENGTH : modbus_answer_length(request)) - length;
+	return (is_exception ? EXCEPTION_LENGTH : modbus_begun_length(request, bytes, length)) - length;
 }
 
 bool modbus_bit(const uint8_t *data, uint16_t index)

@@ -37,6 +37,7 @@ enum modbus_function {
 	MODBUS_WRITE_COILS = 15,
 	MODBUS_WRITE_REGISTERS = 16,
 	MODBUS_MASK_WRITE_REGISTER = 22,
+	MODBUS_ENCAPSULATED = 43, /* of what it may carry, device identification alone */
 };
 
 /* How a body becomes a frame. */
@@ -49,8 +50,8 @@ enum modbus_framing {
 struct modbus_request {
 	uint8_t unit;
 	uint8_t function; /* enum modbus_function */
-	uint16_t address;
-	uint16_t count; /* bits or registers; 1 for functions 5, 6 and 22 */
+	uint16_t address; /* function 43: the kind of access and the first object, an octet each */
+	uint16_t count;   /* bits or registers; 1 for functions 5, 6, 22 and 43 */
 	/* Writes: registers, or a bit (0, 1) each; function 22: the bits that stay, the bits that are set. */
 	uint16_t values[MODBUS_WRITE_MAX];
 };
@@ -89,8 +90,10 @@ size_t modbus_request_frame(const struct modbus_request *request, uint8_t frame[
 /* Data bytes of the answer to a read of count bits or registers. */
 uint16_t modbus_read_bytes(uint8_t function, uint16_t count);
 
-/* Length of the positive answer's whole RTU frame. */
+/* Length of the positive answer's whole RTU frame; of function 43, the longest that it may have. */
 size_t modbus_answer_length(const struct modbus_request *request);
+/* Length of that which begins with these bytes; one of function 43 that has not shown it yet is at least so long. */
+size_t modbus_begun_length(const struct modbus_request *request, const uint8_t *bytes, size_t length);
 
 /*
  * Judges the first bytes received. A complete answer is recognised at its last byte, since its length follows

@@ -26,13 +26,16 @@ static struct modbus_command commands[COMMANDS_MAX];
 static struct modbus_kept kept[DEVICES][2];
 static struct modbus_request constants[DEVICES];
 static int64_t now;
-static uint32_t ordered, ended, written, turned; /* commands; frames of writes; of those, once more */
+static struct modbus_identity identities[DEVICES];
+static uint32_t ordered, ended, written,
+    turnable; /* commands; frames of writes; refused ones, which may go out once more */
 static bool done[TAGS];
 static uint8_t request[MODBUS_FRAME_MAX]; /* the latest, from its unit on */
 static uint8_t transaction[2];            /* and, on TCP, what stands before */
 static size_t request_length;
-static uint8_t refused; /* function of the last exception 1 that arrived */
-static unsigned sum;    /* of what was read: a sanitizer sees data that is not there */
+static uint32_t refused; /* functions of writes that an exception may have refused, a bit each */
+static bool counted;     /* that to the latest request */
+static unsigned sum;     /* of what was read: a sanitizer sees data that is not there */
 
 /* ---- what the line tells ----------------------------------------------------------------------- */
 
@@ -95,9 +98,8 @@ static void on_stranger(void *context, uint32_t device, uint8_t unit, int64_t no
 static void on_turned(void *context, uint32_t device, uint8_t unknown, uint8_t function, int64_t now_ns)
 {
 	(void)context, (void)now_ns;
-	CHECK(device < DEVICES && request[1] == unknown && function != unknown);
-	CHECK(unknown == refused);
-	turned++;
+	CHECK(device < DEVICES && request[1] == function && function != unknown);
+	CHECK(refused & 1u << unknown);
 }
 
 static void on_kept(void *context, uint32_t device, const struct modbus_kept *news, int64_t now_ns)
@@ -162,12 +164,13 @@ static bool is_whole(const struct modbus_output *output)
 /* That in request: nothing is written to who is dead but by a command. */
 static void count_write(void)
 {
-	if (modbus_is_read(request[1]))
+	counted = false;
+	if (modbus_is_read(request[1]) || request[1] == MODBUS_ENCAPSULATED)
 		return;
 	if (line.purpose == MODBUS_KEEP)
 		CHECK(devices[line.device].alive);
 	else
-		CHECK(++written <= ordered + turned);
+		CHECK(++written <= ordered + turnable);
 }
 
 static void take_output(const struct modbus_output *output)
@@ -228,15 +231,24 @@ static void hang_up(void)
 	poll_line();
 }
 
+static void note_refusal(void)
+{
+	if (modbus_is_read(request[1]) || request[1] == MODBUS_ENCAPSULATED)
+		return;
+	refused |= 1u << (request[1] & 31);
+	turnable += !counted;
+	counted = true;
+}
+
 /* Anywhere in it, for it may come in pieces. */
 static void note_refusals(const uint8_t *octets, size_t length)
 {
 	for (size_t i = 0; i < length; i++)
 		if (octets[i] == (request[1] | MODBUS_EXCEPTION_BIT))
-			refused = request[1];
+			note_refusal();
 	/* As text it is two digits, of which the second may come with the next piece. */
 	if (is_text())
-		refused = request[1];
+		note_refusal();
 }
 
 static void receive(const uint8_t *octets, size_t length)
@@ -319,6 +331,14 @@ static void receive_answer(uint8_t slip)
 		frame[2] = (uint8_t)modbus_read_bytes(request[1], modbus_register(request + 4, 0));
 		for (length = 3; length < 3u + frame[2]; length++)
 			frame[length] = next_octet();
+	} else if (request[1] == MODBUS_ENCAPSULATED) {
+		memcpy(frame + 2, request + 2, 2);
+		for (length = 4; length < 40; length++)
+			frame[length] = next_octet();
+		frame[7] &= 3;
+		length = modbus_begun_length(&line.request, frame, length) - MODBUS_CRC_LENGTH;
+		if (length > 200)
+			return;
 	} else {
 		memcpy(frame + 2, request + 2, 4);
 		length = 6;
@@ -414,7 +434,8 @@ static void begin(struct modbus_wire wire)
 
 	memset(done, 0, sizeof(done));
 	memset(devices, 0, sizeof(devices));
-	ordered = ended = written = turned = 0;
+	memset(identities, 0, sizeof(identities));
+	ordered = ended = written = turnable = refused = 0;
 	request_length = 0;
 	now = 5000 * MS;
 	for (uint32_t d = 0; d < DEVICES; d++) {
@@ -428,6 +449,7 @@ static void begin(struct modbus_wire wire)
 			constants[d] = (struct modbus_request){(uint8_t)d, MODBUS_WRITE_REGISTER, 77, 1, {1}};
 			devices[d].kept = kept[d];
 			devices[d].kept_count = 2;
+			devices[d].identity = &identities[d];
 			kept[d][0] = (struct modbus_kept){
 			    .constants = &constants[d], .constant_count = 1, .period_ns = 300 * MS};
 			kept[d][1] = (struct modbus_kept){.tag = d, .period_ns = d % 2 * 500 * MS};

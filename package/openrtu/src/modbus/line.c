@@ -126,6 +126,8 @@ void modbus_line_close(struct modbus_line *line, int64_t now_ns)
 
 	if (line->state == MODBUS_WAITING)
 		line->framer->remember_unanswered(line);
+	if (line->state == MODBUS_WAITING && line->purpose == MODBUS_IDENTIFY)
+		modbus_identify_answered(line, NULL, false, now_ns);
 	line->state = MODBUS_CLOSED;
 	line->connection.there = false;
 	if (commanding)

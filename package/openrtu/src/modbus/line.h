@@ -45,11 +45,15 @@
  * is written to a device that is silent, and none of it counts as a command or for the device's life: what the device
  * refuses is told once, and what it does not answer costs the line no more than a dead device does.
  *
+ * What a device is (identity.h, identify.c). It is asked when all that is read of it was read once since it is there, and nothing with a
+ * period becomes due while the answer is waited for. Each such request is followed by none for as long as keeps what they cost below
+ * one MODBUS_DEAD_SHAREth of the line's time. Silence and refusals say nothing of the device's life or its reads, and count as no exceptions.
+ *
  * Whose turn it is. Commands go first, then what was written is read back, unless that is not wanted; after
  * MODBUS_COMMANDS_IN_ROW of them polling goes on by one request. Polling is, first, the reads that are due
  * (period.h), by deadline; after MODBUS_DUE_IN_ROW of them the scan, which is all reads without a period, goes
  * on by one request, so that a line that is asked for too much still reads everything. What the line writes by itself goes
- * ahead of polling, one for each of its requests at most. Living devices are
+ * ahead of polling, one for each of its requests at most; what a device is, ahead of the scan. Living devices are
  * scanned in turn; after a probe that no dead one answered, they are scanned once before the next. So the age
  * of their values grows by one time-out, not with the number of the dead.
  */
@@ -64,6 +68,7 @@
 #include "connection.h"
 #include "frame.h"
 #include "histogram.h"
+#include "identity.h"
 #include "learned.h"
 #include "map/time_ns.h"
 #include "mbap.h"
@@ -168,6 +173,7 @@ struct modbus_device {
 	struct modbus_read *reads; /* room for object_count of them */
 	struct modbus_kept *kept;  /* in the order in which they are written; NULL: none */
 	uint32_t kept_count;
+	struct modbus_identity *identity; /* NULL: it is not asked for it */
 
 	/* For the caller to look at. */
 	struct modbus_device_counters counters;
@@ -246,7 +252,7 @@ enum modbus_line_state {
 	MODBUS_TURNAROUND, /* after a broadcast */
 };
 
-enum modbus_purpose { MODBUS_SCAN, MODBUS_PROBE, MODBUS_COMMAND, MODBUS_KEEP };
+enum modbus_purpose { MODBUS_SCAN, MODBUS_PROBE, MODBUS_COMMAND, MODBUS_KEEP, MODBUS_IDENTIFY };
 
 struct modbus_line {
 	/* Filled in by the caller, who owns the memory. */
@@ -278,6 +284,7 @@ struct modbus_line {
 	int64_t scan_began_ns;
 	int64_t scan_ended_ns;
 	int64_t whole_scan_began_ns; /* of the scan that counters.scan_us is of */
+	int64_t identify_free_ns;    /* until then no device is asked what it is */
 
 	/* When whoever runs this line was last back from an absence: what is there then came nobody knows when. */
 	int64_t back_ns;

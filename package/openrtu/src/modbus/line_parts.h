@@ -115,6 +115,19 @@ int64_t modbus_next_kept_ns(const struct modbus_device *device, int64_t now_ns);
 void modbus_kept_ended(struct modbus_line *line, enum modbus_result result, uint8_t exception,
 		       int64_t now_ns);
 
+/* ---- identify.c -------------------------------------------------------------------------- */
+
+/* The device may be asked now what it is. */
+bool modbus_may_identify(const struct modbus_line *line, const struct modbus_device *device, int64_t now_ns);
+/* When one may be that is to be asked; MODBUS_NEVER: none, or when something else comes. */
+int64_t modbus_next_identify_ns(const struct modbus_line *line, const struct modbus_device *device,
+				int64_t now_ns);
+/* How long its answer is waited for. */
+int64_t modbus_identify_timeout(const struct modbus_device *device);
+/* The request under way was answered, or not: body NULL. */
+void modbus_identify_answered(struct modbus_line *line, const uint8_t *body, bool is_exception,
+			      int64_t now_ns);
+
 /* ---- transaction.c ----------------------------------------------------------------------- */
 
 /* Begins line->request. Returns the length of its frame, in line->frame. */

@@ -133,7 +133,10 @@ static bool take_answer(struct modbus_line *line, int64_t now_ns)
 		if (verdict == MODBUS_ANSWER || verdict == MODBUS_EXCEPTION) {
 			uint8_t frame[MODBUS_FRAME_MAX];
 			bool is_exception = verdict == MODBUS_EXCEPTION;
-			size_t length = is_exception ? 5 : modbus_answer_length(&line->request);
+			size_t length = is_exception
+					    ? 5
+					    : modbus_begun_length(&line->request, start,
+								  line->received_count - line->strays);
 
 			memcpy(frame, start, length);
 			if (line->strays > 0)

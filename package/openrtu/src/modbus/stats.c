@@ -9,8 +9,19 @@
 
 /* What lies before it in its module's section, or of all lines of that process. */
 struct place {
-	uint32_t lines, devices;
+	uint32_t lines, devices, asked; /* devices that are asked what they are */
 };
+
+/* Of the port's first devices, so many. */
+static uint32_t asked_before(const struct map_config *config, const struct modbus_port *port,
+			     uint32_t devices)
+{
+	uint32_t asked = 0;
+
+	for (uint32_t i = port->first_device; i < port->first_device + devices; i++)
+		asked += modbus_is_asked(config, i);
+	return asked;
+}
 
 static struct place place_of(const struct map_config *config, uint16_t process, uint32_t end)
 {
@@ -22,6 +33,7 @@ static struct place place_of(const struct map_config *config, uint16_t process, 
 			continue;
 		place.lines++;
 		place.devices += ports[i].device_count;
+		place.asked += asked_before(config, &ports[i], ports[i].device_count);
 	}
 	return place;
 }
@@ -41,14 +53,15 @@ static uint32_t commanded_before(const struct map_config *config, uint16_t proce
 	return count;
 }
 
-/* The lines of its process, then all their devices, all their frames, and what was commanded: what other processes have changes nothing in it. */
+/* The lines of its process, then all their devices, all their frames, what was commanded, and what devices are: what other processes have changes nothing in it. */
 size_t modbus_stats_size(const struct map_config *config, uint16_t process)
 {
 	const struct place all = place_of(config, process, modbus_port_count(config));
 
 	return all.lines * (sizeof(struct modbus_line_stats) + sizeof(struct modbus_frames)) +
 	       all.devices * sizeof(struct modbus_device_stats) +
-	       commanded_before(config, process, MAP_NONE) * sizeof(struct modbus_commanded_stats);
+	       commanded_before(config, process, MAP_NONE) * sizeof(struct modbus_commanded_stats) +
+	       all.asked * sizeof(struct modbus_identity_stats);
 }
 
 static bool sizes_are_known(const struct map *map)
@@ -113,6 +126,18 @@ static size_t offset_of_commanded(const struct map_config *config, uint32_t poin
 	       commanded_before(config, process, point) * sizeof(struct modbus_commanded_stats);
 }
 
+static size_t offset_of_identity(const struct map_config *config, uint32_t device)
+{
+	const uint32_t line = modbus_slaves(config)[device].port;
+	const struct modbus_port *port = &modbus_ports(config)[line];
+	const uint32_t asked = place_of(config, port->process, line).asked +
+			       asked_before(config, port, device - port->first_device);
+
+	return modbus_stats_size(config, port->process) -
+	       (place_of(config, port->process, modbus_port_count(config)).asked - asked) *
+		   sizeof(struct modbus_identity_stats);
+}
+
 struct modbus_line_stats *modbus_line_stats(const struct map *map, uint32_t line)
 {
 	const struct map_config *config = map_config(map);
@@ -135,6 +160,14 @@ struct modbus_frames *modbus_line_frames(const struct map *map, uint32_t line)
 	uint8_t *section = stats_of(map, &modbus_ports(config)[line]);
 
 	return (void *)(section + offset_of_frames(config, line));
+}
+
+struct modbus_identity_stats *modbus_identity_stats(const struct map *map, uint32_t device)
+{
+	const struct map_config *config = map_config(map);
+	uint8_t *section = stats_of(map, &modbus_ports(config)[modbus_slaves(config)[device].port]);
+
+	return (void *)(section + offset_of_identity(config, device));
 }
 
 struct modbus_commanded_stats *modbus_commanded_stats(const struct map *map, uint32_t point)
@@ -223,6 +256,9 @@ static void carry_devices(const struct map_config *before, const struct modbus_p
 		memcpy(to + offset_of_device(now, i), from + offset_of_device(before, device),
 		       offsetof(struct modbus_device_stats, alive));
 		carry_commanded(before, device, from, now, i, to);
+		if (modbus_is_asked(before, device) && modbus_is_asked(now, i))
+			memcpy(to + offset_of_identity(now, i), from + offset_of_identity(before, device),
+			       offsetof(struct modbus_identity_stats, state));
 	}
 }
 

@@ -8,6 +8,7 @@
 #include "map/map.h"
 #include "modbus/frame.h"
 #include "modbus/frames.h"
+#include "modbus/identity.h"
 
 #define MODBUS_KIND "modbus"
 
@@ -87,6 +88,15 @@ struct modbus_commanded_stats {
 	_Atomic uint32_t values[MODBUS_WRITE_MAX / 2]; /* two each, the first in bits 0..15 */
 };
 
+/* What a device says of itself: identity.h. */
+struct modbus_identity_stats {
+	_Atomic uint32_t silences;
+	/* What the process that runs knows. */
+	_Atomic uint32_t state;
+	_Atomic uint32_t size; /* octets of texts; 0: there are none, or they are being written */
+	_Atomic uint32_t texts[MODBUS_IDENTITY_SIZE / sizeof(uint32_t)];
+};
+
 /* Of a line, that have names for all: map_name_counter. */
 #define MODBUS_LINE_COUNTERS 18
 
@@ -94,6 +104,8 @@ struct modbus_commanded_stats {
 struct modbus_line_stats *modbus_line_stats(const struct map *map, uint32_t line);
 struct modbus_device_stats *modbus_device_stats(const struct map *map, uint32_t device);
 struct modbus_frames *modbus_line_frames(const struct map *map, uint32_t line);
+/* Of a device that is asked what it is: modbus_is_asked. */
+struct modbus_identity_stats *modbus_identity_stats(const struct map *map, uint32_t device);
 /* Of a point that the gateway itself writes, without values of its own. */
 struct modbus_commanded_stats *modbus_commanded_stats(const struct map *map, uint32_t point);
 /* What a process shows of now, which is nothing when it does not run: a line is open, a device answers. */

@@ -159,6 +159,8 @@ static bool covers(const struct modbus_request *request, int address)
 
 static bool is_unknown(const struct slave *slave, const struct modbus_request *request)
 {
+	if (request->function == MODBUS_ENCAPSULATED)
+		return slave->identity[0] == NULL;
 	return (slave->unknown & 1u << request->function) != 0;
 }
 
@@ -170,6 +172,8 @@ static uint8_t exception_for(const struct slave *slave, const struct modbus_requ
 		return slave->write_exception;
 	if (is_unknown(slave, request))
 		return MODBUS_ILLEGAL_FUNCTION;
+	if (request->function == MODBUS_ENCAPSULATED)
+		return slave->basic_only && request->address >> 8 > 1 ? MODBUS_ILLEGAL_VALUE : 0;
 	if (slave->most > 0 && modbus_is_read(request->function) && request->count > slave->most)
 		return MODBUS_ILLEGAL_VALUE;
 	for (int i = 0; i < slave->blanks; i++)
@@ -197,6 +201,28 @@ static size_t read_answer(const struct slave *slave, const struct modbus_request
 	return seal(frame, 3u + bytes);
 }
 
+static size_t identification(const struct slave *slave, const struct modbus_request *request, uint8_t *frame)
+{
+	const uint8_t access = (uint8_t)(request->address >> 8), last = access > 1 ? 7 : 3;
+	uint8_t object = (uint8_t)request->address, count = 0;
+	size_t at = 8;
+
+	for (; object < last && slave->identity[object] != NULL &&
+	       (slave->identified == 0 || count < slave->identified);
+	     object++, count++) {
+		const size_t length = strlen(slave->identity[object]);
+
+		frame[at] = object;
+		frame[at + 1] = (uint8_t)length;
+		memcpy(frame + at + 2, slave->identity[object], length);
+		at += 2 + length;
+	}
+	const bool more = object < last && slave->identity[object] != NULL;
+
+	memcpy(frame + 2, (const uint8_t[]){14, access, 0x82, more ? 0xFF : 0, more ? object : 0, count}, 6);
+	return seal(frame, at);
+}
+
 /* bytes: the request's frame, whose first six bytes are the answer to a write. */
 static size_t answer_of(struct slave *slave, const struct modbus_request *request, const uint8_t *bytes,
 			uint8_t *frame)
@@ -210,6 +236,8 @@ static size_t answer_of(struct slave *slave, const struct modbus_request *reques
 	}
 	if (modbus_is_read(request->function))
 		return read_answer(slave, request, frame);
+	if (request->function == MODBUS_ENCAPSULATED)
+		return identification(slave, request, frame);
 	for (uint16_t i = 0; i < request->count; i++)
 		slave->registers[request->address + i] = request->values[i];
 	memcpy(frame, bytes, 6);
@@ -336,7 +364,9 @@ static bool is_ignored(const struct modbus_request *request)
 
 	if (!bus.line.wire.connection)
 		return false;
-	if (bus.peer.hangs_up_at && request->count > 1 && request->address >= bus.peer.hated)
+	if (bus.peer.hangs_up_at_identification && request->function == MODBUS_ENCAPSULATED)
+		hang_up_at(bus.now_ns + MS);
+	else if (bus.peer.hangs_up_at && request->count > 1 && request->address >= bus.peer.hated)
 		hang_up_at(bus.now_ns + MS);
 	else if (early && bus.peer.hangs_up_early)
 		hang_up_at(bus.now_ns + MS);
@@ -438,6 +468,9 @@ static struct modbus_request parse(const uint8_t *bytes, size_t length)
 
 	assert_true(modbus_crc_valid(bytes, length));
 	switch (request.function) {
+	case MODBUS_ENCAPSULATED:
+		request.address = modbus_register(bytes + 3, 0);
+		break;
 	case MODBUS_WRITE_COIL:
 		request.values[0] = bytes[4] ? 1 : 0;
 		break;
@@ -671,6 +704,13 @@ void add_kept(uint8_t function, uint16_t address, uint16_t value, int64_t period
 	    .constant_count = function != 0,
 	};
 	device->kept_count++;
+}
+
+void add_identity(void)
+{
+	uint32_t index = bus.line.device_count - 1;
+
+	bus.devices[index].identity = &bus.identities[index];
 }
 
 void start(void)

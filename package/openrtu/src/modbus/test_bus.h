@@ -59,6 +59,9 @@ struct slave {
 	uint8_t write_exception; /* the same, to writes */
 	uint32_t unknown;        /* functions that it does not know, a bit each */
 	bool dumb;               /* and does not answer */
+	const char *identity[7]; /* objects of function 43, which it knows if it has the first */
+	bool basic_only;         /* and refuses to give more than the first three, by exception 3 */
+	uint8_t identified;      /* objects that it puts into one answer; 0: all */
 	int missing;             /* address it answers with exception 2; -1: none */
 	uint16_t blank, blanks;  /* so many addresses from there on that it answers with exception 2 */
 	uint16_t most;           /* not 0: a read of more is answered with exception 3 */
@@ -71,7 +74,8 @@ struct peer {
 	int64_t idle_ns;     /* hangs up so long behind its last answer */
 	int64_t settle_ns;   /* does not answer what comes sooner behind the connect, */
 	bool hangs_up_early; /* or hangs up then */
-	bool hangs_up_at;    /* hangs up instead of an answer to more than one register from hated on */
+	bool hangs_up_at_identification;
+	bool hangs_up_at; /* hangs up instead of an answer to more than one register from hated on */
 	uint16_t hated;
 	unsigned hangs_after; /* answers of one connection; then it answers nothing on it any more */
 };
@@ -93,6 +97,7 @@ struct bus {
 	struct modbus_read reads[DEVICES_MAX][OBJECTS_MAX];
 	struct modbus_kept kept[DEVICES_MAX][KEPT_MAX];
 	struct modbus_request constants[DEVICES_MAX][KEPT_MAX];
+	struct modbus_identity identities[DEVICES_MAX];
 	struct modbus_command commands[COMMANDS_MAX];
 	struct slave slaves[DEVICES_MAX];
 	struct wire_byte wire[WIRE_MAX];
@@ -143,6 +148,8 @@ void add_device(uint8_t unit, uint8_t retries);
 void add_objects(uint8_t function, uint16_t address, uint16_t count);
 /* What it is to hold: the value in a register, or with function 0 what commands with that tag write. */
 void add_kept(uint8_t function, uint16_t address, uint16_t value, int64_t period_ns, uint32_t tag);
+/* It is asked what it is. */
+void add_identity(void);
 void start(void);
 /* On TCP from then on, with frames of Modbus TCP or with such; to be called before the line starts. */
 void use_tcp(void);

@@ -43,13 +43,18 @@ static void test_requests(void **state)
 	ASSERT_SENT("unit 1: write 2 registers from 1: 10 258", 1, 16, 0, 1, 0, 2, 4, 0, 10, 1, 2);
 	ASSERT_SENT("unit 1: write 10 coils from 19", 1, 15, 0, 19, 0, 10, 2, 0xcd, 1);
 	ASSERT_SENT("unit 1: write register 4, keep 0x00f2, set 0x0025", 1, 22, 0, 4, 0, 0xf2, 0, 0x25);
-	ASSERT_SENT("unit 1: function 43, 3 octets", 1, 43, 14, 1, 0);
+	ASSERT_SENT("unit 1: read identification from object 0", 1, 43, 14, 1, 0);
+	ASSERT_SENT("unit 1: function 43, 4 octets", 1, 43, 13, 1, 0, 0);
 	ASSERT_SENT("unit 1: function 3, 2 octets", 1, 3, 0, 0);
 }
 
 static void test_answers(void **state)
 {
 	(void)state;
+	ASSERT_RECEIVED("unit 1: identification: AB, C?", 1, 43, 14, 1, 1, 0, 0, 2, 0, 2, 'A', 'B', 1, 2, 'C',
+			7);
+	ASSERT_RECEIVED("unit 1: identification: A", 1, 43, 14, 1, 1, 0, 0, 9, 0, 9, 'A');
+	ASSERT_RECEIVED("unit 1: function 43, 2 octets", 1, 43, 14, 1);
 	ASSERT_RECEIVED("unit 1: holding registers 555 100", 1, 3, 4, 2, 43, 0, 100);
 	ASSERT_RECEIVED("unit 1: discrete inputs in octets ac 01", 1, 2, 2, 0xac, 1);
 	ASSERT_RECEIVED("unit 1: has written register 1 = 3", 1, 6, 0, 1, 0, 3);

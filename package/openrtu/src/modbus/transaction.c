@@ -6,6 +6,8 @@
 /* A command's fate must be known, and a read that was not answered before is given up when it is not again. */
 static int64_t timeout_of(const struct modbus_line *line, const struct modbus_device *device)
 {
+	if (line->purpose == MODBUS_IDENTIFY)
+		return modbus_identify_timeout(device);
 	if (line->purpose == MODBUS_COMMAND || line->purpose == MODBUS_KEEP ||
 	    (line->purpose == MODBUS_SCAN && device->reads[line->read].failures > 0))
 		return device->response_timeout_ns;
@@ -96,6 +98,12 @@ static void count_answer(struct modbus_line *line, bool exception)
 	device->refusing = exception;
 }
 
+/* That it does not know what nobody needs is no news. */
+static bool is_refusal(const struct modbus_line *line, bool is_exception)
+{
+	return is_exception && line->purpose != MODBUS_IDENTIFY;
+}
+
 /* A gateway's word that it does not reach the device: it comes instead of the device's own. */
 static bool is_unreachable(const struct modbus_line *line, uint8_t exception)
 {
@@ -158,9 +166,10 @@ void modbus_request_answered(struct modbus_line *line, const uint8_t *body, bool
 	    line,
 	    later(later(now_ns, line->sent_ns) + line->wire.silence_ns, begun_ns(line) + line->wire.least_ns),
 	    now_ns);
-	count_answer(line, is_exception);
+	count_answer(line, is_refusal(line, is_exception));
 	device->heard_ns = device->spoken_ns = now_ns;
-	modbus_latency_add(&device->latency, device->counters.latency_us);
+	if (line->purpose != MODBUS_IDENTIFY)
+		modbus_latency_add(&device->latency, device->counters.latency_us);
 	modbus_histogram_add(&line->counters.transactions, now_ns - begun_ns(line));
 	if (modbus_is_read(line->request.function) && !line->echoed && device->echoes > 0)
 		device->echoes--;
@@ -172,10 +181,14 @@ void modbus_request_answered(struct modbus_line *line, const uint8_t *body, bool
 		command_answered(line, is_exception, exception, now_ns);
 	else if (line->purpose == MODBUS_KEEP)
 		kept_answered(line, is_exception, unreachable, exception, now_ns);
+	else if (line->purpose == MODBUS_IDENTIFY)
+		modbus_identify_answered(line, unreachable ? NULL : body, is_exception, now_ns);
 	else if (line->purpose == MODBUS_SCAN && !is_exception)
 		read_answered(line, body + 3, now_ns);
 	else if (line->purpose == MODBUS_SCAN && !unreachable)
 		read_refused(line, exception, now_ns);
+	if (unreachable && line->purpose == MODBUS_IDENTIFY)
+		return; /* what is behind the gateway may know other functions */
 	if (unreachable) {
 		modbus_device_silent(line, line->device, now_ns);
 	} else {
@@ -243,9 +256,12 @@ static void request_unanswered(struct modbus_line *line, bool too_soon, int64_t 
 		modbus_end_command(line, MODBUS_TIMED_OUT, 0);
 	else if (line->purpose == MODBUS_KEEP)
 		modbus_kept_ended(line, MODBUS_TIMED_OUT, 0, now_ns);
+	else if (line->purpose == MODBUS_IDENTIFY)
+		modbus_identify_answered(line, NULL, false, now_ns);
 	else if (line->purpose == MODBUS_SCAN && !too_soon)
 		device->reads[line->read].failures++;
-	if (line->purpose != MODBUS_KEEP) /* the reads find out whether it lives */
+	if (line->purpose != MODBUS_KEEP &&
+	    line->purpose != MODBUS_IDENTIFY) /* the reads find out whether it lives */
 		modbus_device_silent(line, line->device, now_ns);
 }
 
@@ -261,6 +277,8 @@ void modbus_request_torn(struct modbus_line *line, int64_t now_ns)
 	else if (line->purpose == MODBUS_KEEP)
 		modbus_kept_ended(line, MODBUS_TIMED_OUT, 0, now_ns);
 	/* Some hang up on what they do not know. */
+	else if (line->purpose == MODBUS_IDENTIFY)
+		modbus_identify_answered(line, NULL, false, now_ns);
 	else if (line->purpose == MODBUS_SCAN)
 		device->reads[line->read].failures++;
 }
@@ -277,5 +295,8 @@ void modbus_request_timed_out(struct modbus_line *line, int64_t now_ns)
 {
 	line->counters.timeouts++;
 	line->devices[line->device].counters.timeouts++;
-	request_unanswered(line, modbus_pause_unanswered(&line->devices[line->device].pause, now_ns), now_ns);
+	request_unanswered(line,
+			   line->purpose != MODBUS_IDENTIFY &&
+			       modbus_pause_unanswered(&line->devices[line->device].pause, now_ns),
+			   now_ns);
 }

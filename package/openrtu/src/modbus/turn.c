@@ -258,6 +258,19 @@ static size_t begin_scan(struct modbus_line *line, int64_t now_ns)
 	return 0;
 }
 
+static size_t begin_identify(struct modbus_line *line, int64_t now_ns)
+{
+	for (uint32_t i = 0; now_ns >= line->identify_free_ns && i < line->device_count; i++) {
+		const struct modbus_device *device = &line->devices[i];
+
+		if (!modbus_may_identify(line, device, now_ns))
+			continue;
+		line->request = modbus_identity_request(device->identity, device->unit);
+		return modbus_begin(line, MODBUS_IDENTIFY, i, now_ns);
+	}
+	return 0;
+}
+
 /* What keeps its place in the line's turn: however many devices are dead, the living are scanned after each probe. */
 static size_t begin_in_turn(struct modbus_line *line, int64_t now_ns)
 {
@@ -291,6 +304,8 @@ size_t modbus_begin_next(struct modbus_line *line, int64_t now_ns)
 	if (line->due_in_row < MODBUS_DUE_IN_ROW)
 		length = begin_due_read(line, now_ns);
 	if (length == 0)
+		length = begin_identify(line, now_ns);
+	if (length == 0)
 		length = begin_in_turn(line, now_ns);
 	/* Nobody is kept waiting. */
 	if (length == 0)
@@ -320,7 +335,8 @@ static bool is_due(const struct modbus_line *line, const struct modbus_device *d
 		return false;
 	if (!device->alive)
 		return modbus_is_readable(device) && now_ns >= modbus_probe_due_ns(line, device);
-	if (is_to_settle(device, now_ns) || modbus_find_kept(device, now_ns, &kept))
+	if (is_to_settle(device, now_ns) || modbus_find_kept(device, now_ns, &kept) ||
+	    modbus_may_identify(line, device, now_ns))
 		return true;
 	for (uint32_t i = 0; i < device->read_count; i++)
 		if (is_of_scan(&device->reads[i], now_ns) || modbus_period_due(&device->reads[i], now_ns))
@@ -350,6 +366,7 @@ int64_t modbus_next_due(const struct modbus_line *line, int64_t now_ns)
 		if (!is_ready(device, now_ns))
 			due = earlier(due, modbus_ready_ns(device));
 		due = earlier(due, modbus_next_kept_ns(device, now_ns));
+		due = earlier(due, modbus_next_identify_ns(line, device, now_ns));
 		if ((line->command_count > 0 || device->kept_count > 0) &&
 		    now_ns < modbus_surely_ready_ns(device))
 			due = earlier(due, modbus_surely_ready_ns(device));

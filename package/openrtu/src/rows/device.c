@@ -5,6 +5,7 @@
 #include "map/time_ns.h"
 #include "modbus/config.h"
 #include "modbus/stats.h"
+#include "rows/identity.h"
 #include "rows/learned.h"
 #include "rows/rows.h"
 
@@ -36,6 +37,7 @@ json_t *rows_device(const struct map *map, uint32_t index)
 	json_object_set_new(row, "writes_coils", json_integer(stats->writes_coils));
 	json_object_set_new(row, "writes_registers", json_integer(stats->writes_registers));
 	json_object_set_new(row, "learned", learned_json(&stats->learned));
+	rows_add_identity(row, map, index);
 	json_object_set_new(row, "planned_requests", json_integer(stats->planned_requests));
 	json_object_set_new(row, "missed_periods", json_integer(stats->missed_periods));
 	json_object_set_new(row, "kept_writes", json_integer(stats->kept));

@@ -95,9 +95,10 @@ static const struct command commands[] = {
      "lines and their devices, with counters",
      "Counters count since the module started and wrap at 2^32. The second table shows what went wrong on "
      "the\n"
-     "lines. The last one shows what the gateway has learned of the devices: how fast they answer, the "
+     "lines. The fourth one shows what the gateway has learned of the devices: how fast they answer, the "
      "longest\n"
-     "reads they give, and what they refuse.\n"
+     "reads they give, and what they refuse. A last one shows what devices say that they are, and where the\n"
+     "configuration expects something else.\n"
      "--histogram shows how late the lines' process woke, how long transactions took, which priority and "
      "memory\n"
      "the kernel has given that process, and a verdict.\n"

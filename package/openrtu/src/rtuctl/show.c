@@ -14,6 +14,7 @@
 #include "modbus/stats.h"
 #include "rows/rows.h"
 #include "rtuctl/data.h"
+#include "rtuctl/identity_list.h"
 #include "rtuctl/learned_list.h"
 #include "rtuctl/listing.h"
 
@@ -222,6 +223,7 @@ int rtuctl_lines(struct map *map, const struct rtuctl_request *request)
 		list_devices(map);
 		putchar('\n');
 		learned_list(map);
+		identity_list(map);
 	}
 	return RTUCTL_DONE;
 }

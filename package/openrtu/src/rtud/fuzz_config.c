@@ -61,6 +61,17 @@ static void check_keeps(const struct map_config *config)
 	}
 }
 
+static void check_expected(const struct map_config *config)
+{
+	const struct modbus_expected *expected = modbus_expected(config);
+
+	for (uint32_t i = 0; i < map_record_count(config, MODBUS_EXPECTED); i++) {
+		CHECK(expected[i].slave < modbus_slave_count(config));
+		CHECK(expected[i].object < MODBUS_IDENTITY_OBJECTS);
+		CHECK(memchr(expected[i].text, '\0', sizeof(expected[i].text)) != NULL);
+	}
+}
+
 static void check_meanings(const struct map_config *config)
 {
 	const struct map_meaning *meanings = map_records(config, MAP_MEANINGS, sizeof(*meanings));
@@ -127,6 +138,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 		check_order(&config);
 		check_keeps(&config);
 		check_meanings(&config);
+		check_expected(&config);
 	} else {
 		CHECK(ftell(messages) > before); /* nothing is refused without a reason */
 		CHECK(config.points == NULL && config.point_count == 0);

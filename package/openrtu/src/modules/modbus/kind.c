@@ -74,6 +74,32 @@ static bool plan(struct map_config *config)
 
 /* ---- what is the same in two configurations -------------------------------------------------- */
 
+/* Those of a slave from the record on; NULL: none. */
+static const struct modbus_expected *next_expected(const struct map_config *config, uint32_t slave,
+						   uint32_t *record)
+{
+	const struct modbus_expected *expected = modbus_expected(config);
+
+	for (; *record < map_record_count(config, MODBUS_EXPECTED); ++*record)
+		if (expected[*record].slave == slave)
+			return &expected[(*record)++];
+	return NULL;
+}
+
+static bool same_expected(const struct map_config *a, uint32_t in_a, const struct map_config *b,
+			  uint32_t in_b)
+{
+	uint32_t i = 0, j = 0;
+	const struct modbus_expected *of_a, *of_b;
+
+	do {
+		of_a = next_expected(a, in_a, &i);
+		of_b = next_expected(b, in_b, &j);
+	} while (of_a != NULL && of_b != NULL && of_a->object == of_b->object &&
+		 strcmp(of_a->text, of_b->text) == 0);
+	return of_a == NULL && of_b == NULL;
+}
+
 static bool same_slave(const struct map_config *a, uint32_t in_a, const struct map_config *b, uint32_t in_b)
 {
 	const struct modbus_slave *of_a = &modbus_slaves(a)[in_a], *of_b = &modbus_slaves(b)[in_b];
@@ -84,7 +110,9 @@ static bool same_slave(const struct map_config *a, uint32_t in_a, const struct m
 	    of_a->max_bits != of_b->max_bits || of_a->max_registers != of_b->max_registers ||
 	    of_a->no_holes != of_b->no_holes || of_a->probe_max_s != of_b->probe_max_s ||
 	    of_a->reaction_us != of_b->reaction_us || of_a->pause_ms != of_b->pause_ms ||
-	    of_a->writes_multiple != of_b->writes_multiple)
+	    of_a->writes_multiple != of_b->writes_multiple || of_a->not_asked != of_b->not_asked)
+		return false;
+	if (!same_expected(a, in_a, b, in_b))
 		return false;
 	for (uint32_t i = 0; i < a->sets[in_a].point_count; i++)
 		if (!modbus_same_point(a, a->sets[in_a].first_point + i, b, b->sets[in_b].first_point + i))

@@ -2,6 +2,7 @@
 #include "modules/modbus/line_counters.h"
 
 #include <stdatomic.h>
+#include <string.h>
 
 #include "map/time_ns.h"
 #include "modbus/stats.h"
@@ -95,6 +96,25 @@ static void show_all_commanded(const struct map *map, struct modbus_device *devi
 	}
 }
 
+/* Nobody reads them while they are written. */
+static void show_identity(const struct map *map, uint32_t number, struct modbus_identity *identity)
+{
+	struct modbus_identity_stats *stats;
+	uint32_t words[MODBUS_IDENTITY_SIZE / sizeof(uint32_t)];
+
+	if (identity == NULL || !identity->news)
+		return;
+	identity->news = false;
+	stats = modbus_identity_stats(map, number);
+	memcpy(words, identity->texts, sizeof(words));
+	atomic_store_explicit(&stats->size, 0, memory_order_seq_cst);
+	for (uint32_t i = 0; i < sizeof(words) / sizeof(words[0]); i++)
+		show(&stats->texts[i], words[i]);
+	show(&stats->silences, identity->silences);
+	show(&stats->state, identity->state);
+	atomic_store_explicit(&stats->size, identity->size, memory_order_release);
+}
+
 /* ---- of a former process ---------------------------------------------------------------------- */
 
 static void take_histogram(struct modbus_histogram *histogram, const struct map_histogram *shown)
@@ -176,6 +196,10 @@ void line_counters_take(struct port *port)
 		take_device(&port->line.devices[i],
 			    modbus_device_stats(port->map, port->config->first_device + i));
 		take_all_commanded(port->map, &port->line.devices[i]);
+		if (port->line.devices[i].identity != NULL)
+			port->line.devices[i].identity->silences =
+			    (uint8_t)modbus_identity_stats(port->map, port->config->first_device + i)
+				->silences;
 	}
 }
 
@@ -218,5 +242,6 @@ void line_counters_show(struct port *port)
 	for (uint32_t i = 0; i < port->line.device_count; i++) {
 		show_device(modbus_device_stats(map, port->config->first_device + i), &port->line.devices[i]);
 		show_all_commanded(map, &port->line.devices[i]);
+		show_identity(map, port->config->first_device + i, port->line.devices[i].identity);
 	}
 }

@@ -262,7 +262,7 @@ const lineColumns = [
   number("CRC", "crc_errors"), number("Exceptions", "exceptions"), number("Noise", "noise_bytes"),
 ];
 const deviceColumns = [
-  number("Port", "port"), number("Id", "id"), text("Description", "description"), number("CA", "ca"),
+  number("Port", "port"), number("Id", "id"), text("Description", "description"), text("Identification", "identified"), number("CA", "ca"),
   flag("Alive", "alive", "alive", "dead"), number("Latency ms", "latency_ms"), number("Requests", "requests"),
   number("Answers", "answers"), number("Time-outs", "timeouts"), number("Errors", "errors"),
 ];
