@@ -22,10 +22,10 @@ from lab.gateway import free_port, remove, run_directory
 from nuc980.errors import UnusableInput
 from openrtu_tools.cli import main
 from openrtu_tools.modbus import frames, scan
-from peers.device import UNIT
+from peers.device import BAUD_RATE, UNIT
 from peers.libmodbus_device import LibmodbusDevice
 from peers.line import line
-from peers.pymodbus_device import PymodbusDevice
+from peers.pymodbus_device import PymodbusAsciiDevice, PymodbusDevice
 
 PATIENCE_S = 30
 TIMEOUT_S = 2.0  # of a device that answers, on a busy host
@@ -125,6 +125,31 @@ def test_a_device_of_a_line_is_found(
         [programs / "rtud/rtud", "--check", file], capture_output=True, text=True, check=False
     )
     assert checked.returncode == 0, checked.stderr
+
+
+def test_a_device_of_an_ascii_line_is_found_and_says_who_it_is(
+    ends: tuple[Path, Path], scanned: Callable[..., Scanned]
+) -> None:
+    ours, its = ends
+    device = PymodbusAsciiDevice(its)
+    device.start()
+    try:
+        code, found, said = scanned(ours, "-u", f"{UNIT}", "--ascii", "--baud", BAUD_RATE)
+    finally:
+        device.stop()
+    assert code == 0
+    of_line = {"device": str(ours), "baud_rate": BAUD_RATE, "data_bits": 7, "stop_bits": 1, "parity": 2}
+    slave = {"id": UNIT, "description": "pymodbus peer"}
+    assert found == {"port": [{"value": 7, "active": 1, **of_line, "framing": "ascii", "slaves": [slave]}]}
+    assert f"{ours}, {BAUD_RATE} bit/s 7E1 ASCII, unit {UNIT}: knows functions 1, 2, 3, 4; " in said
+    assert said.endswith("; pymodbus, peer, 1.0\n")
+    assert {request[0] for request in device.requests} == READS
+
+
+def test_ascii_goes_not_with_addresses(scanned: Callable[..., Scanned]) -> None:
+    code, _, said = scanned("192.0.2.1", "-u", "1", "--ascii")
+    assert code == 2
+    assert "--ascii: a scan of addresses asks by Modbus TCP alone" in said
 
 
 def test_a_device_on_tcp_says_who_it_is(scanned: Callable[..., Scanned]) -> None:

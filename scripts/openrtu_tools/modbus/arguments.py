@@ -121,11 +121,16 @@ def is_broadcast(parsed: argparse.Namespace) -> bool:
     return parsed.unit == BROADCAST and (parsed.rtu or parsed.ascii or is_serial(parsed.device))
 
 
-def settings_of(parsed: argparse.Namespace) -> Settings:
-    data_bits = parsed.data_bits or (7 if parsed.ascii else serial_port.DATA_BITS)
+def data_bits_of(parsed: argparse.Namespace) -> int:
+    """Raises UnusableInput."""
+    data_bits: int = parsed.data_bits or (7 if parsed.ascii else serial_port.DATA_BITS)
     if data_bits == 7 and not parsed.ascii:
         raise UnusableInput("--data-bits 7: RTU sends whole octets", next_step="add --ascii, or leave it out")
-    return Settings(parsed.baud, parsed.parity, parsed.stop_bits, data_bits)
+    return data_bits
+
+
+def settings_of(parsed: argparse.Namespace) -> Settings:
+    return Settings(parsed.baud, parsed.parity, parsed.stop_bits, data_bits_of(parsed))
 
 
 def link_of(parsed: argparse.Namespace) -> Link:

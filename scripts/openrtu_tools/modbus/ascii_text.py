@@ -7,6 +7,7 @@ import time
 
 from openrtu_tools.modbus import frames
 from openrtu_tools.modbus.links import Stream
+from openrtu_tools.modbus.serial_port import Settings
 
 BEGIN, END = b":", b"\r\n"
 CRC = 2
@@ -45,6 +46,10 @@ class AsciiStream(Stream):
         self.name = text.name
         self.text = text
         self._octets = b""
+
+    def configure(self, settings: Settings) -> None:
+        self._octets = b""
+        self.text.configure(settings)
 
     def close(self) -> None:
         self.text.close()

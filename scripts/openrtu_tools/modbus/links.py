@@ -64,6 +64,9 @@ class Stream(ABC):
         self._trace("<", octets)
         return octets
 
+    def configure(self, settings: Settings) -> None:
+        raise AssertionError(f"{self.name} has no settings")
+
     @abstractmethod
     def close(self) -> None: ...
 
@@ -230,7 +233,6 @@ class RtuLink(Link):
 
     def configure(self, settings: Settings) -> None:
         """Goes on with other settings."""
-        assert isinstance(self.stream, SerialStream)
         self.stream.configure(settings)
         self._settings = settings
         self._unanswered = None

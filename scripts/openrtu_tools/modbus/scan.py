@@ -19,7 +19,8 @@ from itertools import product
 from typing import Any
 
 from nuc980.errors import UnusableInput
-from openrtu_tools.modbus import arguments, frames, serial_port
+from openrtu_tools.modbus import arguments, frames
+from openrtu_tools.modbus.ascii_text import AsciiStream
 from openrtu_tools.modbus.errors import (
     Damaged,
     Exceptional,
@@ -31,12 +32,21 @@ from openrtu_tools.modbus.errors import (
     PortUnusable,
     Unreachable,
 )
-from openrtu_tools.modbus.links import Link, RtuLink, SerialStream, SocketStream, TcpLink, frame_at, shown
+from openrtu_tools.modbus.links import (
+    Link,
+    RtuLink,
+    SerialStream,
+    SocketStream,
+    Stream,
+    TcpLink,
+    frame_at,
+    shown,
+)
 from openrtu_tools.modbus.serial_port import PARITIES, Settings
 
 TIMEOUT_S = 0.5
 LISTEN_S = 2.0
-REQUEST_CHARACTERS = 8
+REQUEST_CHARACTERS, ASCII_CHARACTERS = 8, 17
 TRAFFIC_LEAST = 4  # octets: fewer are noise, as of a transceiver that turns round
 LATE_MOST = 3  # units that may still answer
 HOSTS_MOST = 4096
@@ -81,7 +91,7 @@ class Found:
 class ScanLink(RtuLink):
     """A serial line that is left when somebody else speaks on it."""
 
-    def __init__(self, stream: SerialStream, timeout_s: float, settings: Settings) -> None:
+    def __init__(self, stream: Stream, timeout_s: float, settings: Settings) -> None:
         super().__init__(stream, timeout_s, settings)
         self.silent: deque[int] = deque(maxlen=LATE_MOST)  # the last units that did not answer
         self.late: list[int] = []
@@ -163,7 +173,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     line.add_argument(
         "--parity", type=parities, default=[arguments.PARITY], metavar="LIST", help=f"[{arguments.PARITY}]"
     )
+    line.add_argument("--data-bits", type=int, choices=(7, 8), help="[8; with --ascii 7]")
     line.add_argument("--stop-bits", type=int, choices=(1, 2), default=1, help="[1]")
+    line.add_argument("--ascii", action="store_true", help="Modbus ASCII in place of RTU")
     parser.add_argument(
         "--function",
         type=int,
@@ -190,10 +202,12 @@ class Plan:
     units: list[int]
     function: int
     timeout_s: float
+    ascii: bool = False
 
     def longest_s(self) -> float:
         """If nobody answers."""
-        characters = [settings.character_s * REQUEST_CHARACTERS for settings in self.settings]
+        request = ASCII_CHARACTERS if self.ascii else REQUEST_CHARACTERS
+        characters = [settings.character_s * request for settings in self.settings]
         a_port = LISTEN_S + sum((self.timeout_s + sent) * len(self.units) for sent in characters)
         a_host = self.timeout_s * (1 + len(self.units))
         return len(self.ports) * a_port + len(self.hosts) * a_host
@@ -217,15 +231,22 @@ def _many(count: int, one: str, several: str = "") -> str:
 def plan_of(parsed: argparse.Namespace) -> Plan:
     """Raises UnusableInput."""
     ports = [where for where in parsed.where if is_serial(where)]
+    data_bits = arguments.data_bits_of(parsed)
+    if parsed.ascii and len(ports) < len(parsed.where):
+        raise UnusableInput("--ascii: a scan of addresses asks by Modbus TCP alone")
     if ports and (0 in parsed.units or max(parsed.units) > arguments.SERIAL_UNIT_LAST):
         raise UnusableInput(f"--units: those of a serial line are 1 to {arguments.SERIAL_UNIT_LAST}")
     return Plan(
         ports,
-        [Settings(baud, parity, parsed.stop_bits) for baud, parity in product(parsed.baud, parsed.parity)],
+        [
+            Settings(baud, parity, parsed.stop_bits, data_bits)
+            for baud, parity in product(parsed.baud, parsed.parity)
+        ],
         [host for where in parsed.where if not is_serial(where) for host in hosts(where)],
         parsed.units,
         parsed.function,
         parsed.timeout,
+        parsed.ascii,
     )
 
 
@@ -253,9 +274,10 @@ class Scan:
             self._host(host, port)
 
     def _port(self, port: str) -> None:
-        with ScanLink(
-            SerialStream(port, self.plan.settings[0]), self.plan.timeout_s, self.plan.settings[0]
-        ) as link:
+        stream: Stream = SerialStream(port, self.plan.settings[0])
+        if self.plan.ascii:
+            stream = AsciiStream(stream)
+        with ScanLink(stream, self.plan.timeout_s, self.plan.settings[0]) as link:
             heard = link.listen(LISTEN_S)
             if len(heard) >= TRAFFIC_LEAST:
                 raise ForeignTraffic(f"somebody else speaks on {port}: {shown(heard)}")
@@ -268,12 +290,12 @@ class Scan:
         keys = {
             "device": port,
             "baud_rate": settings.baud,
-            "data_bits": serial_port.DATA_BITS,
+            "data_bits": settings.data_bits,
             "stop_bits": settings.stop_bits,
             "parity": PARITIES[settings.parity],
-        }
+        } | ({"framing": "ascii"} if self.plan.ascii else {})
         place = Found(keys)
-        name = f"{port}, {settings}"
+        name = f"{port}, {settings}{' ASCII' if self.plan.ascii else ''}"
         link.silent.clear()
         for unit in self._counted(name):
             self._unit(link, place, name, unit)
