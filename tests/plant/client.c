@@ -40,6 +40,7 @@ static void come_in(void)
 	}
 	if (process->parent != PLANT_RUNNER) /* else the world has named it */
 		plant_name(plant, client_self, program_invocation_short_name);
+	account_begin();
 	process->refused_ns = plant_starves_until_ns(plant, process->name);
 	client_tell("begins%s", process->refused_ns ? " without memory" : "");
 }
@@ -150,6 +151,7 @@ void client_call(void)
 
 	plant->processes[client_self].calls++;
 	client_spin();
+	account_look();
 	fault = plant_fault_at(plant, client_self);
 	if (fault)
 		suffer(fault);

@@ -117,6 +117,10 @@ enum fd_kind { FD_FILE, FD_SOCKET, FD_TERMINAL, FD_OTHER };
 enum fd_kind files_kind(int fd);
 void files_forget(unsigned first, unsigned last);
 
+/* ---- what it holds: account.c */
+void account_begin(void);
+void account_look(void);
+
 /* ---- the flash: disk.c */
 
 /* False: it is none of its files. */

@@ -380,6 +380,25 @@ static void write_trace(void)
 	plant->trace_size = 0;
 }
 
+/* Beside the world: of each life of a process its name, its number, descriptors and KiB at first, and in the end. */
+static void write_accounts(const char *world)
+{
+	char path[PATH_MAX];
+	FILE *file;
+
+	snprintf(path, sizeof(path), "%s.accounts", world);
+	file = fopen(path, "we");
+	if (!file)
+		give_up(FAILED, path, strerror(errno));
+	for (uint32_t i = 0; i < plant->account_count; i++) {
+		const struct plant_account *account = &plant->accounts[i];
+
+		fprintf(file, "%s %u %u %u %u %u\n", account->name, account->life, account->first_descriptors,
+			account->most_descriptors, account->first_kib, account->last_kib);
+	}
+	fclose(file);
+}
+
 /* Only a fault of its own ends a process while it has the baton. */
 static bool holder_crashed(void)
 {
@@ -458,6 +477,7 @@ static enum exit_code run(const char *world, const char *trace_path, uint64_t se
 	code = watch();
 	kill_all();
 	write_trace();
+	write_accounts(world);
 	fclose(trace);
 	unlink(shared_path);
 	unlink(link_path);

@@ -47,6 +47,8 @@ INVALID_S = 5.0  # from the last answer of a device until its points are told in
 DOUBTED_S = 5.0  # the first pause that a device seems to need (docs/limit.md)
 WINDOW_S = 10
 CHANGED_S = 5.0  # from the end of a reload until all has been read by it
+CONNECTIONS = 16  # of rtu-iec104; of others there are fewer
+GROWTH_KIB = 1024  # pages that are used later
 LINES_A_MINUTE = 60  # of a program: worlds with a fault every 8 s have half as many
 MINUTE = len("2026-01-01T00:00")
 ANSWERS_LEAST = 15  # of a device that lives, in each window: two reads a second, and a neighbour's time-outs
@@ -699,6 +701,18 @@ def who_cannot_start_says_why(history: History) -> Iterator[Violation]:
         yield Violation("start", history.end_s, f"{ended} modules could not start, {said} said why")
 
 
+def nothing_grows_without_end(history: History) -> Iterator[Violation]:
+    """What a program holds stays what it was some time after its begin, but for its connections."""
+    for account in history.run.accounts:
+        if not account.process.startswith("rtu"):
+            continue
+        descriptors = account.most_descriptors - account.first_descriptors
+        kib = account.last_kib - account.first_kib
+        if descriptors > CONNECTIONS or kib > GROWTH_KIB:
+            what = f"{account.process} in its life {account.life} holds {descriptors} descriptors"
+            yield Violation("bounded", history.end_s, f"{what} and {kib} KiB more than before")
+
+
 def nobody_crashes(history: History) -> Iterator[Violation]:
     if history.run.code != 0:
         yield Violation("no crash", history.end_s, history.run.said)
@@ -706,6 +720,7 @@ def nobody_crashes(history: History) -> Iterator[Violation]:
 
 OF_THE_PLANT = (
     nobody_crashes,
+    nothing_grows_without_end,
     who_cannot_start_says_why,
     periods_are_kept,
     no_log_is_flooded,

@@ -35,8 +35,9 @@ def busy_processes(count: int = BUSY) -> Iterator[None]:
 
 def spoiled_copy(ran: Run, tmp_path: Path, part: str, lines: Lines) -> Run:
     """Where one part has said something else."""
-    for path in (*ran.folder.glob("*.out"), *ran.folder.glob("*.log")):
-        shutil.copy(path, tmp_path)
+    for kind in ("*.out", "*.log", "*.accounts", "*.refused"):
+        for path in ran.folder.glob(kind):
+            shutil.copy(path, tmp_path)
     (tmp_path / f"{part}.out").write_text("".join(json.dumps(line) + "\n" for line in lines))
     return Run(ran.world, tmp_path, ran.real_s, ran.code, ran.said)
 

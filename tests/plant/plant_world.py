@@ -421,6 +421,18 @@ class World:
 
 
 @dataclass(frozen=True)
+class Account:
+    """What a life of a process held, 20 s after its begin and later: descriptors, and KiB of memory."""
+
+    process: str
+    life: int
+    first_descriptors: int
+    most_descriptors: int
+    first_kib: int
+    last_kib: int
+
+
+@dataclass(frozen=True)
 class Run:
     """A world that has been run; its files are in `folder`."""
 
@@ -438,6 +450,11 @@ class Run:
         """The lines of the consumer or the field; one that the end cut off is none."""
         lines = (self.folder / f"{part}.out").read_text().split("\n")
         return [json.loads(line) for line in lines[:-1]]
+
+    @property
+    def accounts(self) -> list[Account]:
+        lines = [line.split() for line in (self.folder / "world.accounts").read_text().splitlines()]
+        return [Account(name, *map(int, numbers)) for name, *numbers in lines]
 
     def log(self, program: str) -> list[str]:
         return (self.folder / f"{program}.log").read_text(errors="replace").splitlines()

@@ -19,6 +19,7 @@
 #define PLANT_STEPS     256
 #define PLANT_FLIGHTS   1024
 #define PLANT_NAMES     64
+#define PLANT_ACCOUNTS  1024
 #define PLANT_DYING     PLANT_PROCESSES
 #define PLANT_NAME_SIZE 24
 #define PLANT_TRACE     (64u << 10)
@@ -44,6 +45,7 @@ struct plant_process {
 	uint64_t asked;      /* the last change that it knew when it was not ready */
 	int64_t deadline_ns; /* when it is ready at the latest */
 	int64_t stopped_ns;  /* not before this time */
+	int64_t account_ns;  /* when it looks at what it holds; 0: never */
 	int64_t refused_ns;  /* until then it gets no memory */
 	uint64_t calls;
 	char name[PLANT_NAME_SIZE];
@@ -112,6 +114,14 @@ struct plant_flight {
 	int64_t due_ns;
 };
 
+/* What a life of a process held, from some time after its begin on. */
+struct plant_account {
+	char name[PLANT_NAME_SIZE];
+	uint32_t life;
+	uint32_t first_descriptors, most_descriptors;
+	uint32_t first_kib, last_kib; /* of memory */
+};
+
 struct plant_name {
 	char name[PLANT_NAME_SIZE];
 	uint32_t lives;
@@ -152,6 +162,8 @@ struct plant {
 	struct plant_flight flights[PLANT_FLIGHTS];
 	struct plant_name names[PLANT_NAMES];
 	char disk[PLANT_PATH]; /* a folder; empty: there is none */
+	uint32_t account_count;
+	struct plant_account accounts[PLANT_ACCOUNTS];
 	uint32_t dying_count;
 	int32_t dying[PLANT_DYING]; /* have left the baton, and may still have descriptors */
 	uint32_t trace_size;

@@ -12,7 +12,7 @@ from front_disk import Disk
 from plant_disk import Log, restore_after_a_power_cut
 from plant_judge import WALL_NS, judge
 from plant_seeds import calm, stored
-from plant_trials import run_world
+from plant_trials import run_world, spoiled_copy
 from plant_world import PORT, Fault, Run
 
 SECONDS = 60.0
@@ -38,7 +38,7 @@ def test_events_outlive_a_power_cut(programs: Path, linesim_program: Path, folde
 @pytest.mark.slow
 def test_a_world_with_a_disk_is_one_trace(programs: Path, linesim_program: Path, folder: Path) -> None:
     world = stored(59, 120.0, fault_every_s=4.0)
-    kinds = {"blackout", "cut", "full", "kill", "power", "refuses", "silent", "stop", "worn"}
+    kinds = {"blackout", "cut", "full", "kill", "memory", "power", "refuses", "silent", "stop", "worn"}
     assert {fault.kind for fault in world.faults} == kinds
     first = run_world(world, folder / "disk")
     assert run_world(world, folder / "disk-again").trace == first.trace
@@ -57,11 +57,10 @@ def test_a_full_disk_is_said_once_and_written_again(full: Run) -> None:
 
 
 def with_log(ran: Run, tmp_path: Path, without: str) -> Run:
-    for path in (*ran.folder.glob("*.out"), *ran.folder.glob("*.log"), *ran.folder.glob("*.refused")):
-        (tmp_path / path.name).write_bytes(path.read_bytes())
+    spoiled = spoiled_copy(ran, tmp_path, "watch", ran.told("watch"))
     kept = [line for line in ran.log("gateway") if without not in line]
     (tmp_path / "gateway.log").write_text("".join(f"{line}\n" for line in kept))
-    return replace(ran, folder=tmp_path)
+    return spoiled
 
 
 def test_the_judge_sees_that_a_full_disk_is_not_said(full: Run, tmp_path: Path) -> None:

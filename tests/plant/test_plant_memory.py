@@ -9,7 +9,7 @@ import pytest
 from front_journal import Journal
 from plant_judge import judge
 from plant_seeds import calm, stored
-from plant_trials import run_script, run_world
+from plant_trials import run_script, run_world, spoiled_copy
 from plant_world import Fault, Run
 
 SECONDS = 60.0
@@ -55,11 +55,10 @@ def test_who_begins_says_so_and_is_started_again(starved: Run) -> None:
 
 
 def test_the_judge_sees_who_does_not_say_why(starved: Run, tmp_path: Path) -> None:
-    for path in (*starved.folder.glob("*.out"), *starved.folder.glob("*.log")):
-        (tmp_path / path.name).write_bytes(path.read_bytes())
+    spoiled = spoiled_copy(starved, tmp_path, "watch", starved.told("watch"))
     kept = [line for line in starved.log("gateway") if "memory" not in line]
     (tmp_path / "gateway.log").write_text("".join(f"{line}\n" for line in kept))
-    assert {violation.rule for violation in judge(replace(starved, folder=tmp_path))} == {"start"}
+    assert {violation.rule for violation in judge(spoiled)} == {"start"}
 
 
 def test_worlds_with_a_disk_refuse_memory() -> None:

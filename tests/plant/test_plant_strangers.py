@@ -9,7 +9,7 @@ import pytest
 from front_strangers import Strangers
 from plant_judge import judge, lines_a_minute
 from plant_seeds import calm
-from plant_trials import run_world
+from plant_trials import run_world, spoiled_copy
 from plant_world import Run
 
 
@@ -20,15 +20,14 @@ def visited(programs: Path, linesim_program: Path, folder: Path) -> Run:
 
 def test_strangers_fill_no_log_and_take_nothing_from_the_centre(visited: Run) -> None:
     log = visited.log("gateway")
-    assert len({line for line in log if "127.0.0.9" in line and "connection ends" in line}) > 40
+    assert len({line for line in log if "127.0.0.9" in line and "connection ends" in line}) > 30
     assert [line for line in log if "lines about connections are left out" in line]
     assert max(count for program, count in lines_a_minute(visited) if program == "rtu-iec104") > 200
     assert judge(visited) == []
 
 
 def test_the_judge_sees_more_lines_than_strangers_may_make(visited: Run, tmp_path: Path) -> None:
-    for path in (*visited.folder.glob("*.out"), *visited.folder.glob("*.log")):
-        (tmp_path / path.name).write_bytes(path.read_bytes())
+    spoiled = spoiled_copy(visited, tmp_path, "watch", visited.told("watch"))
     with (tmp_path / "gateway.log").open("a") as log:
         log.write("2026-01-01T00:00:30.000Z rtu-iec104 info: connected\n" * 60)
-    assert [violation.rule for violation in judge(replace(visited, folder=tmp_path))] == ["log"]
+    assert [violation.rule for violation in judge(spoiled)] == ["log"]
