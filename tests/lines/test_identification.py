@@ -26,8 +26,8 @@ def configuration() -> dict[str, Any]:
     pace = {"baud_rate": 115200, "data_bits": 8, "stop_bits": 1, "parity": 0}
     own: list[dict[str, Any]] = [
         {"id": 5, "identification": METER | {"vendor_name": "Mueller"}},
-        {"id": 6},
-        {"id": 7, "identify": False},
+        {"id": 6, "identify": True},
+        {"id": 7},
     ]
     slaves = [device | patience() | {"holding_registers": [{"address": 0}, {"address": 1}]} for device in own]
     return {"iec104": {}, "port": [{"value": 1, "active": 1, **pace, "slaves": slaves}]}

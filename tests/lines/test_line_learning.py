@@ -48,7 +48,7 @@ def configuration() -> dict[str, Any]:
         {"id": LACKING, "holding_registers": objects(*range(8))},
     ]
     for slave in slaves:  # a busy host is no silent device
-        slave |= {"response_timeout_ms": 5000, "retries": 5, "identify": False}
+        slave |= {"response_timeout_ms": 5000, "retries": 5}
     line = {"baud_rate": 38400, "data_bits": 8, "stop_bits": 1, "parity": 0}
     return {"iec104": {}, "port": [{"value": PORT, "active": 1, **line, "slaves": slaves}]}
 

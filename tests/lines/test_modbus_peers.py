@@ -87,7 +87,7 @@ OBJECTS: dict[str, list[dict[str, Any]]] = {
 def gateway_config(listening: dict[str, int]) -> dict[str, Any]:
     """The same device on each port. listening: the TCP ports of 127.0.0.1, by make or name."""
     serial = {"active": 1, "baud_rate": BAUD_RATE, "data_bits": 8, "stop_bits": 1, "parity": 0}
-    slaves = [{"id": UNIT, **patience(PATIENCE_MS), **OBJECTS}]
+    slaves = [{"id": UNIT, "identify": True, **patience(PATIENCE_MS), **OBJECTS}]
     ports = [{"value": port, **serial, "slaves": slaves} for port in SERIAL_PORTS.values()]
     text = {"framing": "ascii", "data_bits": 7, "parity": 2}
     ports.append({"value": ASCII_PORT, **serial, **text, "slaves": slaves})

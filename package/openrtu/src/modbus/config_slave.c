@@ -121,10 +121,11 @@ static const struct config_rule slave_rules[SLAVE_KEYS] = {
 					  "function 5 or 6, multiple with 15 or "
 					  "16. After exception 1 (illegal function) it is the other.",
 					  .see = "telecontrol.md#which-function-writes")},
-    [SLAVE_IDENTIFY] = {"identify", CONFIG_BOOLEAN, .fallback = true,
-			CONFIG_SAYS("The device is asked what it is (function 43/14) when it answers for the "
-				    "first time and when it is back. With false, never.",
-				    .see = "configuration.md#what-a-device-is")},
+    [SLAVE_IDENTIFY] = {"identify", CONFIG_BOOLEAN,
+			CONFIG_SAYS(
+			    "The device is asked what it is (function 43/14) when it answers for the "
+			    "first time and when it is back. By default only one with identification.",
+			    .see = "configuration.md#what-a-device-is")},
     [SLAVE_IDENTIFICATION] = {"identification", CONFIG_OBJECT,
 			      CONFIG_SAYS("What it shall say that it is. `rtuctl lines` says what differs.",
 					  .table = &identification_table,
@@ -300,6 +301,13 @@ static void take_description(char name[MAP_NAME_SIZE], const char *text)
 	name[length] = '\0';
 }
 
+/* Of itself nobody is: a device may hang at a function that it does not know. */
+static bool is_asked(const struct config_value *values)
+{
+	return values[SLAVE_IDENTIFY].given ? values[SLAVE_IDENTIFY].integer != 0
+					    : values[SLAVE_IDENTIFICATION].given;
+}
+
 static void add_device(struct modbus_loader *loader, const struct config_place *place,
 		       const struct config_value *values)
 {
@@ -327,7 +335,7 @@ static void add_device(struct modbus_loader *loader, const struct config_place *
 	    .reaction_us = reaction_us(loader, place, values),
 	    .pause_ms = (uint16_t)values[SLAVE_PAUSE].integer,
 	    .writes_multiple = values[SLAVE_WRITE_FUNCTION].integer != 0,
-	    .not_asked = !values[SLAVE_IDENTIFY].integer,
+	    .not_asked = !is_asked(values),
 	};
 	snprintf(set->prefix, sizeof(set->prefix), "p%u.%u", port->port, unit);
 	if (values[SLAVE_DESCRIPTION].given && values[SLAVE_DESCRIPTION].text[0] != '\0')
