@@ -102,7 +102,7 @@ class Logic(Front):
             results_are_good,
             all_recovers,
         ):
-            yield from rule(of_programs)
+            yield from (one for one in rule(of_programs) if one.rule != "once")
 
 
 def inputs(history: History) -> tuple[str, str]:

@@ -144,7 +144,7 @@ class Master:
 
     def sees(self, fault: Fault) -> Fault:
         """Its own process is the centre, that of another is nothing to it."""
-        return replace(fault, of={self.process: CENTRE, CENTRE: "another"}.get(fault.of, fault.of))
+        return replace(fault, of={CENTRE: "another", self.process: CENTRE}.get(fault.of, fault.of))
 
 
 class History:

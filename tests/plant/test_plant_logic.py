@@ -89,6 +89,13 @@ def test_the_judge_sees_of_programs(
     assert {violation.rule for violation in found} == rules
 
 
+def test_a_return_may_be_told_in_the_instant_of_a_result(first: Run, tmp_path: Path) -> None:
+    lines = first.told("consumer")
+    place = places(lines)[-2]
+    lines.insert(place, dict(lines[place]))
+    assert judge(spoiled_copy(first, tmp_path, "consumer", lines)) == []
+
+
 def test_trouble_of_a_program_excuses_its_alarm(first: Run, tmp_path: Path) -> None:
     lines = first.told("consumer")
     with_an_alarm(lines)
