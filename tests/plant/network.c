@@ -43,13 +43,12 @@ struct place {
 /* address 0: of one that listens. */
 static socklen_t put_name(struct sockaddr_un *name, uint16_t port, uint32_t address)
 {
-	char *text = name->sun_path + 1;
 	const size_t room = sizeof(name->sun_path) - 1;
 	int size;
 
 	*name = (struct sockaddr_un){.sun_family = AF_UNIX};
-	size = address ? snprintf(text, room, NAME FROM, plant->id, port, address)
-		       : snprintf(text, room, NAME, plant->id, port);
+	size = address ? snprintf(name->sun_path + 1, room, NAME FROM, plant->id, port, address)
+		       : snprintf(name->sun_path + 1, room, NAME, plant->id, port);
 	return (socklen_t)(offsetof(struct sockaddr_un, sun_path) + 1 + (size_t)size);
 }
 

@@ -28,11 +28,10 @@
 
 static socklen_t put_name(struct sockaddr_un *name, uint32_t tap)
 {
-	char *text = name->sun_path + 1;
-
 	*name = (struct sockaddr_un){.sun_family = AF_UNIX};
 	return (socklen_t)(offsetof(struct sockaddr_un, sun_path) + 1 +
-			   (size_t)snprintf(text, sizeof(name->sun_path) - 1, NAME, plant->id, tap));
+			   (size_t)snprintf(name->sun_path + 1, sizeof(name->sun_path) - 1, NAME, plant->id,
+					    tap));
 }
 
 /* 0: it is none. */
