@@ -227,10 +227,17 @@ class LineSim:
 
     def mark(self) -> int:
         """The number of the newest frame: wait_frame(…, since=mark) looks only at later ones."""
+        self._hear_of_all()
         with self._news:
             return self._last_number
 
+    def _hear_of_all(self) -> None:
+        """Frames come between the answers: those of before this one are here."""
+        if self._trace and self._socket is not None and not self._gone:
+            self.command("trace on")
+
     def frames(self, since: int = 0) -> list[Frame]:
+        self._hear_of_all()
         with self._news:
             return self._behind(since)
 
