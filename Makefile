@@ -22,10 +22,11 @@ LOGGED  := @scripts/logged.sh
 # Debian packages, and Python packages in .venv: each target brings the lists that it uses.
 PACKAGES := build/packages.done
 EMULATED := build/packages.done build/packages-boards.done build/packages-cross.done build/packages-twin.done
-PACKAGE_LISTS := packages packages-boards packages-cross packages-fuzz packages-lint packages-man packages-tests
+PACKAGE_LISTS := packages packages-boards packages-coverage packages-cross packages-fuzz packages-lint packages-man packages-tests
 VENV     := .venv/python.done
 BOARDS   := .venv/python-boards.done
 CENTRE   := .venv/python-centre.done
+COVERED  := .venv/python-coverage.done
 IMAGING  := .venv/python-images.done
 LINTED   := .venv/python-lint.done
 TOOLS    := .venv/python-tools.done

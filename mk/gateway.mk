@@ -56,6 +56,11 @@ build/asan/build.ninja: $(BUILD_OPTIONS) | $(PACKAGES)
 	$(LOGGED) $(notdir $(@D))-setup $(STRICT) -Dtests=enabled -Dtls=true -Dsnmp=true -Dweb=true -Db_sanitize=address,undefined \
 	  -Doptimization=1 -Dc_args='-fno-sanitize-recover=all -g1'
 
+# Not optimized: each line and branch is there as it was written.
+build/coverage/build.ninja: $(BUILD_OPTIONS) | $(PACKAGES) build/packages-coverage.done
+	$(LOGGED) $(notdir $(@D))-setup $(STRICT) -Dtests=enabled -Dtls=true -Dsnmp=true -Dweb=true -Dschema=true -Db_coverage=true \
+	  -Doptimization=0 -Dc_args=-g1
+
 build/fuzz/build.ninja: $(BUILD_OPTIONS) | $(PACKAGES) build/packages-fuzz.done
 	$(LOGGED) $(notdir $(@D))-setup env CC=clang $(STRICT) -Dfuzz=true -Dtests=disabled -Dsnmp=true -Dweb=true -Db_lundef=false -Db_sanitize=address,undefined \
 	  -Dc_args='-fno-sanitize-recover=all -g1'

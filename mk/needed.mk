@@ -2,7 +2,7 @@
 # What is needed: Debian packages, Python packages in .venv.
 
 setup: LISTS := $(PACKAGE_LISTS)
-setup: $(PACKAGE_LISTS:%=build/%.done) $(TESTED) $(LINTED) ## Maintain: bring what most tests need: Debian packages, Python packages into .venv
+setup: $(PACKAGE_LISTS:%=build/%.done) $(TESTED) $(LINTED) $(COVERED) ## Maintain: bring what most tests need: Debian packages, Python packages into .venv
 
 tools: $(BOARDS) $(CENTRE) $(TOOLS) ## Build: what the tools of scripts/ import, into .venv
 

@@ -17,6 +17,7 @@ GOALS = [
     "lab",
     "lint",
     "unit",
+    "coverage",
     "asan",
     "cross",
     "fuzzers",
@@ -60,7 +61,7 @@ def test_all_parts_run_and_their_times_are_told(tree: Path) -> None:
     assert ran(tree)[0] == ".shared"
     told = re.findall(r"^ +\d+ s  (.*)$", done.stdout.partition("the parts:")[2], re.MULTILINE)
     assert told == [
-        *("build", "lint", "unit", "asan", "cross", "fuzzers", "test-sanitizers"),
+        *("build", "lint", "unit", "coverage", "asan", "cross", "fuzzers", "test-sanitizers"),
         *("rest of test-linux's builds", "test-linux", "rest of test-native"),
     ]
     assert done.stdout.count("words of test-native") == 1  # out of its log, once

@@ -291,6 +291,7 @@ REACH = [
     ("tests/rig/desk.py", f"{DESK} {ON_BOARD}"),
     ("tests/rig/capture.py", f"{DESK} tests/centre/test_centre_higher.py tests/linux/test_network.py"),
     ("tests/run/changed.py", "tests/house/test_changed.py"),
+    ("tests/run/cover*", "tests/house/test_covered.py"),
     ("tests/logic/logic_reference.py", "tests/logic/test_logic.py tests/logic/test_logic_findings.py"),
     ("tests/logic/logic_findings.py", "tests/logic/test_logic.py tests/logic/test_logic_findings.py"),
     ("tests/house/fuzzing.py", "tests/house/test_fuzz.py"),

@@ -21,7 +21,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-COMPILING = ["lint", "unit", "asan", "cross", "fuzzers", "test-sanitizers"]
+COMPILING = ["lint", "unit", "coverage", "asan", "cross", "fuzzers", "test-sanitizers"]
 PARTS = [*COMPILING, "test-native", "test-linux"]
 LOGS = Path("build/log")
 TIMES = Path("build/times")

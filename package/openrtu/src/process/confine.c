@@ -48,7 +48,7 @@ int confine(struct map *map, int filter_fd, size_t file_size)
 {
 	const struct sigaction action = {.sa_sigaction = end_by_the_call, .sa_flags = SA_SIGINFO};
 
-	if (OPENRTU_SANITIZED)
+	if (OPENRTU_INSTRUMENTED)
 		return 0;
 	map_of_handler = map;
 	map_note_forbidden(map, -1);

@@ -124,8 +124,8 @@ static bool kernel_has_filters(void)
 
 const char *filter_missing(void)
 {
-	if (OPENRTU_SANITIZED)
-		return "built with a sanitizer, whose own calls are others";
+	if (OPENRTU_INSTRUMENTED)
+		return "built with a sanitizer or for coverage, whose own calls are others";
 	return kernel_has_filters() ? NULL : "this kernel has none (CONFIG_SECCOMP_FILTER)";
 }
 
