@@ -10,6 +10,7 @@ import os
 import random
 import select
 import shutil
+import signal
 import socket
 import struct
 import sys
@@ -29,6 +30,7 @@ PACKET_MAX = 65536
 PAUSE_S = 0.1
 RESTART_S = 1.0
 HEARING_PART = 0.1
+IN_FORCE_S = 30.0  # from SIGHUP on, or it is no more
 WATCH_NS = 10**9
 
 
@@ -165,16 +167,37 @@ def watch(path: Path) -> None:
 def reload(map_: str, folder: Path, rtuctl: str) -> None:
     """Puts another configuration in the place of rtud's own and lets it be read, until it is in force."""
     for line in (folder / "reloads").read_text().splitlines():
-        due, number = line.split()
+        due, number, way = line.split()
         time.sleep(max(0, int(due) - time.clock_gettime_ns(time.CLOCK_MONOTONIC)) / 1e9)
         say(kind="asked", configuration=int(number))
         file = folder / "gateway.json"
+        is_another = file.read_text() != (folder / f"gateway-{number}.json").read_text()
         file.with_suffix(".new").write_text((folder / f"gateway-{number}.json").read_text())
         file.with_suffix(".new").rename(file)
-        while code := ended_with(rtuctl, "--map", map_, "reload"):
+        asks = [rtuctl, "--map", map_, "reload"] if way == "rtuctl" else None
+        while code := ended_with(*asks) if asks else signalled(folder, is_another):
             say(kind="refused", code=code)
             time.sleep(RESTART_S)
         say(kind="in force", configuration=int(number))
+
+
+def signalled(folder: Path, is_another: bool) -> int:
+    """Nobody is told but the log; 0: the configuration is in force, maybe since rtud has begun anew."""
+    log, process = folder / "gateway.log", int((folder / "gateway.pid").read_text())
+    begun = log.stat().st_size
+    with contextlib.suppress(ProcessLookupError):
+        os.kill(process, signal.SIGHUP)
+    for _ in range(round(IN_FORCE_S / PAUSE_S)):
+        time.sleep(PAUSE_S)
+        lines = log.read_bytes()[begun:].decode(errors="replace").splitlines()
+        if any(line.endswith("is in force") or "; map in " in line for line in lines):
+            return 0
+        if any(
+            line.endswith(("stays as it was", "is ignored: a configuration is being changed"))
+            for line in lines
+        ):
+            return 1
+    return int(is_another)
 
 
 def ended_with(program: str, *arguments: str) -> int:
@@ -215,6 +238,7 @@ def keep(program: str, *arguments: str) -> None:
         pid = os.fork()
         if pid == 0:
             os.execve(program, [program, *arguments], os.environ)
+        Path(arguments[-1]).with_suffix(".pid").write_text(f"{pid}")
         os.waitpid(pid, 0)
         time.sleep(RESTART_S)
 

@@ -172,7 +172,8 @@ class Field:
         return Fault(at_s, "step", "clock", by_s=round(by_s * self.random.choice((1, -1)), 3))
 
     def reload(self, at_s: float) -> Fault:
-        return Fault(at_s, "reload", f"{self.random.randrange(len(CONFIGURATIONS))}")
+        number = self.random.randrange(len(CONFIGURATIONS))
+        return Fault(at_s, "reload", f"{number}", calls=round(at_s * 1000) % 2)
 
     def far_fault(self, at_s: float) -> Fault:
         make = self.random.choice(

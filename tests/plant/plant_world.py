@@ -80,7 +80,7 @@ class Fault:
             "unplugged": f"line {self.of} is unplugged for {self.for_s:.3f} s",
             "leap": f"a leap second moves the calendar clock by {self.by_s:.0f} s",
             "step": f"the calendar clock is moved by {self.by_s:.3f} s",
-            "reload": f"configuration {self.of} is loaded",
+            "reload": f"configuration {self.of} is loaded" + (" by SIGHUP" if self.calls else ""),
             "hung": f"the sessions of line {self.of} answer nothing any more",
             "tearing": f"line {self.of} hangs up in the place of answer {self.calls}, for {self.for_s:.3f} s",
             "closing": f"line {self.of} hangs up behind each answer for {self.for_s:.3f} s",
@@ -361,7 +361,10 @@ class World:
     @property
     def reloaded(self) -> list[str]:
         """For who operates the gateway."""
-        return [f"{BEGIN_NS + round(one.at_s * 1e9)} {one.of}" for one in self.reloads]
+        return [
+            f"{BEGIN_NS + round(one.at_s * 1e9)} {one.of} {'signal' if one.calls else 'rtuctl'}"
+            for one in self.reloads
+        ]
 
     def plan(self, folder: Path, gateway: Path) -> list[str]:
         """What the runner reads."""

@@ -290,6 +290,22 @@ def test_a_device_that_needs_a_pause_for_a_while(programs: Path, linesim_program
 
 
 @pytest.mark.slow
+def test_a_configuration_is_loaded_by_a_signal(programs: Path, linesim_program: Path, folder: Path) -> None:
+    """And rtud begins with it, when it was killed before it was asked."""
+    faults = (
+        Fault(15.0, "reload", "2", calls=1),
+        Fault(25.0, "reload", "2", calls=1),
+        Fault(27.0, "kill", "rtud"),
+        Fault(27.05, "reload", "0", calls=1),
+    )
+    ran = run_world(World(2, SECONDS, (), faults), folder / "signalled")
+    assert [line["kind"] for line in ran.told("reload")].count("in force") == 3
+    assert len([line for line in ran.log("gateway") if "SIGHUP: reads the configuration" in line]) >= 2
+    assert answers_between(ran, "1.3", 21.0, 24.0) == 0
+    assert answers_between(ran, "1.3", 45.0, 55.0) > 15
+    assert judge(ran) == []
+
+
 def test_sessions_that_hang_and_that_are_closed(programs: Path, linesim_program: Path, folder: Path) -> None:
     """The devices behind a hung one are invalid for some seconds; those behind one that is closed are not."""
     faults = (Fault(10.0, "hung", "7"), Fault(30.0, "closing", "7", for_s=10.0))
