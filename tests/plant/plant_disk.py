@@ -42,13 +42,16 @@ def put(octets: bytearray, at: int, new: bytes | None) -> None:
 
 
 def put_torn(octets: bytearray, at: int, new: bytes, chance: random.Random) -> None:
-    match chance.randrange(4):
+    there = chance.randrange(len(new))
+    match chance.randrange(5):
         case 0:
             put(octets, at, new)
         case 1:
-            put(octets, at, new[: chance.randrange(len(new))])
+            put(octets, at, new[:there])
         case 2:  # the file's new size, and nothing there yet
             put(octets, at, bytes(len(new)))
+        case 3:
+            put(octets, at, new[:there] + bytes(len(new) - there))
 
 
 Entries = dict[str, int | None]  # what a call changed: a name is of a file, of a folder (0), or gone (None)

@@ -60,6 +60,7 @@ BESIDE_A_LEAP_S = 3.0  # rtud has to be there to see it
 CALL_WITHIN_S = 10.0  # main.c
 STARVED_S, STARVED_PART = 8.0, 0.5
 REFUSED_EACH_S = (10.0, 40.0)
+STORM_S = (10.0, 25.0)
 DRIFT_PPM = 500  # as much as a daemon may slew a clock
 LEAST_STEP_S = 1000.0
 FAR_LINES = (1, NETWORKED)
@@ -288,13 +289,29 @@ def without_memory(world: World, modules: tuple[str, ...]) -> World:
     return replace(world, faults=tuple(sorted(faults, key=lambda fault: fault.at_s)))
 
 
+def with_storms(world: World) -> World:
+    """Before the power the link to the centre goes: what happens then is in the journal alone."""
+    chance = random.Random(world.seed)
+    cuts = []
+    for fault in world.faults:
+        before_s, behind_s = (round(chance.uniform(*STORM_S), 3) for _ in range(2))
+        at_s = fault.at_s - before_s
+        if (
+            fault.kind == "blackout"
+            and at_s > FAULTS_FROM_S
+            and fault.at_s + behind_s < world.seconds - RECOVERY_S
+        ):
+            cuts.append(Fault(round(at_s, 3), "cut", f"{PORT}", for_s=round(before_s + behind_s, 3)))
+    return replace(world, faults=tuple(sorted((*world.faults, *cuts), key=lambda fault: fault.at_s)))
+
+
 def stored(seed: int, seconds: float, fault_every_s: float = 30.0) -> World:
     """The same, of a gateway with a journal that loses its power, and whose disk fails."""
     disk = (Disk(),)
     of_seed = Field(random.Random(seed), seconds, modules=modules_of(disk))
     changes = of_seed.changes(mean_s=1.0)
     world = World(seed, seconds, changes, of_seed.made_by(of_seed.stored_fault, fault_every_s), fronts=disk)
-    return without_memory(world, modules_of(disk))
+    return without_memory(with_storms(world), modules_of(disk))
 
 
 def restless(seed: int, seconds: float, fault_every_s: float = 8.0) -> World:
