@@ -49,11 +49,13 @@ WINDOW_S = 10
 CHANGED_S = 5.0  # from the end of a reload until all has been read by it
 CONNECTIONS = 16  # of rtu-iec104; of others there are fewer
 GROWTH_KIB = 1024  # pages that are used later
+LINES_AT_ONCE = 40  # about peers, of a program that has begun (docs/telecontrol.md)
 LINES_A_MINUTE = 60  # of a program: worlds with a fault every 8 s have half as many
 MINUTE = len("2026-01-01T00:00")
 ANSWERS_LEAST = 15  # of a device that lives, in each window: two reads a second, and a neighbour's time-outs
 JOURNAL_S = 90.0  # what waits in a gateway without a journal, and is lost with rtud
 RECORDED_S = 5.0  # until an event is in the journal: it is read, waits for the next record, and is written
+READERS = ("rtud", "rtu-modbus-1")
 DISK = ("full", "refuses", "worn")
 BEGINS_ANEW = ("kill", "stop", "hung", "cut", "lost")  # a process, or a connection
 EVENTS = (3, 11)  # spontaneous, and what a command has changed
@@ -446,6 +448,14 @@ def unwritten_from_s(history: History, end: Fault) -> float:
     return from_s
 
 
+def unread_times(device: str, faults: tuple[Fault, ...]) -> list[tuple[float, float]]:
+    """When it may not be read. With its process it is not dead: that reads it as soon as it is back."""
+    own = tuple(fault for fault in faults if fault.of not in READERS)
+    behind_s = CALL_WITHIN_S + AFTER_S
+    readers = [(fault.at_s, fault.end_s + behind_s) for fault in faults if fault.of in READERS]
+    return [*troubled_times(device, own), *readers]
+
+
 def has_journal(history: History, end: Fault) -> bool:
     """One that nothing had kept from its work before the gateway's end."""
     if not any(JOURNAL in front.processes for front in history.run.world.fronts):
@@ -468,7 +478,7 @@ def goes_with_the_gateway(history: History, since_s: float) -> bool:
 
 def could_be_lost(point: str, since_s: float, until_s: float, history: History) -> bool:
     """The line was not read meanwhile, or the gateway went with what waited in it."""
-    troubled = troubled_times(device_of(point), history.faults)
+    troubled = unread_times(device_of(point), history.faults)
     return overlaps(troubled, since_s, until_s) or goes_with_the_gateway(history, since_s)
 
 
@@ -613,8 +623,11 @@ def connections_stay(history: History) -> Iterator[Violation]:
 
 
 def lines_a_minute(run: Run) -> Iterator[tuple[str, int]]:
-    """Of each program that writes; rtu-centre's lines have no time, and come evenly."""
-    counts = Counter((line[:MINUTE], line.split(" ", 2)[1]) for line in run.log("gateway") if " " in line)
+    """Of each program that writes, but for its first; rtu-centre's lines have no time, and come evenly."""
+    counts: Counter[tuple[str, str]] = Counter()
+    for line in run.log("gateway"):
+        if " " in line:
+            counts[line[:MINUTE], line.split(" ", 2)[1]] += 1 - LINES_AT_ONCE * (" listening on " in line)
     yield from ((program, count) for (_, program), count in counts.items())
     yield "rtu-centre", round(len(run.log("centre")) * 60 / run.world.seconds)
 

@@ -29,5 +29,5 @@ def test_strangers_fill_no_log_and_take_nothing_from_the_centre(visited: Run) ->
 def test_the_judge_sees_more_lines_than_strangers_may_make(visited: Run, tmp_path: Path) -> None:
     spoiled = spoiled_copy(visited, tmp_path, "watch", visited.told("watch"))
     with (tmp_path / "gateway.log").open("a") as log:
-        log.write("2026-01-01T00:00:30.000Z rtu-iec104 info: connected\n" * 60)
+        log.write("2026-01-01T00:00:30.000Z rtu-iec104 info: connected\n" * 120)
     assert [violation.rule for violation in judge(spoiled)] == ["log"]
