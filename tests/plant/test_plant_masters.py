@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from front_masters import ADDRESS, CONSUMER, SECOND, SecondMaster
-from plant_judge import Master, judge
+from front_masters import ADDRESS, CONSUMER, SecondMaster
+from plant_judge import judge
 from plant_run import story
 from plant_seeds import calm, troubled
 from plant_trials import run_world, spoiled_copy
