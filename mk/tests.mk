@@ -144,7 +144,7 @@ TIMES := 20
 busy: $(VENV) ## Test: the shows and test-quick beside busy processes (BUSY=8, TIMES=20, TARGETS=)
 	$(PYTHON) tests/run/busy.py --processes $(BUSY) --times $(TIMES) $(TARGETS)
 
-plant: build $(VENV) ## Test: gateways under virtual time, with faults (SEEDS=20, HOURS=0.1, SEED=, WORLD=)
+plant: build $(VENV) ## Test: gateways under virtual time, with faults (SEEDS=20, HOURS=0.1, SEED=)
 	@$(PYTHON) tests/plant/plant_run.py $(if $(SEEDS),--seeds $(SEEDS)) $(if $(HOURS),--hours $(HOURS)) $(if $(SEED),--seed $(SEED)) $(if $(WORLD),--world $(WORLD))
 
 plant-faults: build $(VENV) $(TESTED) ## Test: whether the plant finds each fault of the past (FAULTS=)
