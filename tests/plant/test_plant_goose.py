@@ -63,6 +63,23 @@ def test_a_module_that_was_stopped_takes_messages_as_of_now(
     assert not violations, story(ran, violations)
 
 
+def test_a_message_that_waited_for_a_stopped_module_is_no_news(
+    programs: Path, linesim_program: Path, folder: Path
+) -> None:
+    """One of right behind the stop, and none behind it: what it says held no longer when it was read."""
+    faults = tuple(
+        fault
+        for at_s in range(15, 100, 17)
+        for fault in (
+            Fault(at_s, "stop", "rtu-goose", for_s=8.0),
+            Fault(at_s + 2.5, "cut", CABLE, for_s=8.0),
+        )
+    )
+    ran = run_world(World(1, 120.0, (), faults, fronts=(Goose(),)), folder / "waited")
+    violations = judge(ran)
+    assert not violations, story(ran, violations)
+
+
 # ---- the judge sees what is wrong ----------------------------------------------------------------------
 
 

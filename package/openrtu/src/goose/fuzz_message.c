@@ -40,6 +40,7 @@ static void take(const struct goose_message *message)
 {
 	struct goose_subscription subscription = {.leaf_count = message->item_count,
 						  .alive_most_ms = UINT32_MAX};
+	const struct goose_arrival arrival = {.now_ns = 1, .since_ns = 1};
 	struct goose_subscriber subscriber;
 	enum goose_verdict first;
 
@@ -52,10 +53,10 @@ static void take(const struct goose_message *message)
 	subscription.stream.conf_rev = message->conf_rev;
 	goose_subscriber_init(&subscriber, &subscription, 0);
 	CHECK(goose_subscriber_hears(&subscriber, message));
-	first = goose_subscriber_take(&subscriber, message, true, 1, 0);
+	first = goose_subscriber_take(&subscriber, message, true, &arrival);
 	CHECK(first == GOOSE_TAKEN || first == GOOSE_SIMULATED || first == GOOSE_MISMATCHED);
 	if (first == GOOSE_TAKEN && message->alive_ms > 0)
-		CHECK(goose_subscriber_take(&subscriber, message, true, 1, 0) == GOOSE_OUT_OF_ORDER);
+		CHECK(goose_subscriber_take(&subscriber, message, true, &arrival) == GOOSE_OUT_OF_ORDER);
 	goose_subscriber_expires(&subscriber, INT64_MAX);
 }
 

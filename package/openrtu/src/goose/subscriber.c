@@ -129,8 +129,8 @@ static enum goose_verdict judge(struct goose_subscriber *subscriber, const struc
 	return now_ns < last->alive_ns ? verdict : GOOSE_JUMPED;
 }
 
-static void keep(struct goose_subscriber *subscriber, const struct goose_message *message, int64_t now_ns,
-		 int64_t utc_ns)
+static void keep(struct goose_subscriber *subscriber, const struct goose_message *message,
+		 const struct goose_arrival *arrival)
 {
 	const uint32_t most_ms = subscriber->subscription->alive_most_ms;
 	const uint32_t alive_ms = message->alive_ms < most_ms ? message->alive_ms : most_ms;
@@ -138,9 +138,9 @@ static void keep(struct goose_subscriber *subscriber, const struct goose_message
 	subscriber->last = (struct goose_last){.known = true,
 					       .state = message->state,
 					       .sequence = message->sequence,
-					       .utc_ns = time_of(message, utc_ns),
-					       .came_ns = now_ns,
-					       .alive_ns = now_ns + alive_ms * NS_PER_MS};
+					       .utc_ns = time_of(message, arrival->utc_ns),
+					       .came_ns = arrival->now_ns,
+					       .alive_ns = arrival->since_ns + alive_ms * NS_PER_MS};
 	subscriber->until_ns = subscriber->last.alive_ns;
 }
 
@@ -152,8 +152,8 @@ static void turn_to_simulated(struct goose_subscriber *subscriber)
 }
 
 enum goose_verdict goose_subscriber_take(struct goose_subscriber *subscriber,
-					 const struct goose_message *message, bool fits, int64_t now_ns,
-					 int64_t utc_ns)
+					 const struct goose_message *message, bool fits,
+					 const struct goose_arrival *arrival)
 {
 	const struct goose_subscription *subscription = subscriber->subscription;
 	const bool held = subscriber->until_ns != 0 && subscriber->last.known;
@@ -164,16 +164,21 @@ enum goose_verdict goose_subscriber_take(struct goose_subscriber *subscriber,
 	if (!message->simulation && subscriber->simulated)
 		return GOOSE_REAL;
 	if (!fits || !matches(subscription, message)) {
-		subscriber->until_ns = earlier(subscriber->until_ns, now_ns);
+		subscriber->until_ns = earlier(subscriber->until_ns, arrival->now_ns);
 		return GOOSE_MISMATCHED;
 	}
 	if (message->simulation && !subscriber->simulated)
 		turn_to_simulated(subscriber);
-	verdict = judge(subscriber, message, now_ns, utc_ns);
+	verdict = judge(subscriber, message, arrival->now_ns, arrival->utc_ns);
 	if (verdict != GOOSE_TAKEN && verdict != GOOSE_REPEATED)
 		return verdict;
-	keep(subscriber, message, now_ns, utc_ns);
+	keep(subscriber, message, arrival);
 	return held ? verdict : GOOSE_TAKEN;
+}
+
+bool goose_subscriber_holds(const struct goose_subscriber *subscriber, int64_t now_ns)
+{
+	return now_ns < subscriber->until_ns;
 }
 
 bool goose_subscriber_expires(struct goose_subscriber *subscriber, int64_t now_ns)

@@ -23,8 +23,16 @@ struct goose_last {
 	bool known;
 	uint32_t state, sequence;
 	int64_t utc_ns;   /* of the state, by the publisher's clock; 0: that was not set */
-	int64_t came_ns;  /* when it came */
+	int64_t came_ns;  /* when it was read */
 	int64_t alive_ns; /* until then it says that another one comes */
+};
+
+/*
+ * When a message was read, and when it may have come at the earliest: a process that was stopped reads what waited meanwhile.
+ * utc_ns: the first by this machine's clock, 0: that is not set.
+ */
+struct goose_arrival {
+	int64_t now_ns, since_ns, utc_ns;
 };
 
 struct goose_subscriber {
@@ -44,13 +52,14 @@ void goose_subscriber_init(struct goose_subscriber *subscriber, const struct goo
 bool goose_subscriber_hears(const struct goose_subscriber *subscriber, const struct goose_message *message);
 
 /*
- * A message that it hears. fits: its items are as many, and of the types, as its points want. now_ns: when it came; utc_ns: the
- * same by this machine's clock, 0: that is not set.
+ * A message that it hears. fits: its items are as many, and of the types, as its points want. One that may be older than the time
+ * for which it holds is taken, and holds no longer.
  */
 enum goose_verdict goose_subscriber_take(struct goose_subscriber *subscriber,
-					 const struct goose_message *message, bool fits, int64_t now_ns,
-					 int64_t utc_ns);
+					 const struct goose_message *message, bool fits,
+					 const struct goose_arrival *arrival);
 
+bool goose_subscriber_holds(const struct goose_subscriber *subscriber, int64_t now_ns);
 /* True, once: what was taken holds no longer. */
 bool goose_subscriber_expires(struct goose_subscriber *subscriber, int64_t now_ns);
 /* When it may expire; INT64_MAX: nothing holds. */

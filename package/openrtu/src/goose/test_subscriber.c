@@ -44,7 +44,8 @@ static enum goose_verdict take(uint32_t state, uint32_t sequence, int64_t now_ns
 {
 	message.state = state;
 	message.sequence = sequence;
-	return goose_subscriber_take(&subscriber, &message, true, now_ns, NOW + now_ns);
+	return goose_subscriber_take(&subscriber, &message, true,
+				     &(struct goose_arrival){now_ns, now_ns, NOW + now_ns});
 }
 
 /* ... of a state whose time is known. */
@@ -65,6 +66,27 @@ static void test_states_and_their_repetitions(void **state)
 	assert_int_equal(subscriber.missed, 2);
 	assert_int_equal(take(8, 1, 4 * MS), GOOSE_TAKEN);
 	assert_int_equal(subscriber.missed, 4);
+}
+
+/* It was stopped from 10 to 150 ms, and did not see when the messages came that it reads then. */
+static void test_what_waited_holds_no_longer_than_if_it_had_come_at_once(void **state)
+{
+	const struct goose_arrival old = {150 * MS, 10 * MS, NOW + 150 * MS};
+
+	(void)state;
+	take(5, 3, 0);
+	message.state = 6;
+	message.sequence = 0;
+	assert_int_equal(goose_subscriber_take(&subscriber, &message, true, &old), GOOSE_TAKEN);
+	assert_false(goose_subscriber_holds(&subscriber, 150 * MS));
+	assert_true(goose_subscriber_expires(&subscriber, 150 * MS));
+	assert_int_equal(take(6, 1, 151 * MS), GOOSE_TAKEN);
+	assert_true(goose_subscriber_holds(&subscriber, 151 * MS));
+	message.alive_ms = 200;
+	message.sequence = 2;
+	assert_int_equal(goose_subscriber_take(&subscriber, &message, true, &old), GOOSE_REPEATED);
+	assert_true(goose_subscriber_holds(&subscriber, 210 * MS - 1));
+	assert_true(goose_subscriber_expires(&subscriber, 210 * MS));
 }
 
 static void test_a_state_holds_for_its_time(void **state)
@@ -172,7 +194,9 @@ static void test_another_revision_ends_what_holds_and_forgets_no_number(void **s
 	assert_int_equal(take(5, 0, 11 * MS), GOOSE_OUT_OF_ORDER);
 	assert_int_equal(take(1, 0, 11 * MS), GOOSE_OUT_OF_ORDER);
 	assert_int_equal(take(100, 4, 12 * MS), GOOSE_TAKEN);
-	assert_int_equal(goose_subscriber_take(&subscriber, &message, false, 13 * MS, 0), GOOSE_MISMATCHED);
+	assert_int_equal(
+	    goose_subscriber_take(&subscriber, &message, false, &(struct goose_arrival){13 * MS, 13 * MS, 0}),
+	    GOOSE_MISMATCHED);
 	begin(NULL);
 	message.needs_commissioning = true;
 	assert_int_equal(take(5, 3, 0), GOOSE_MISMATCHED);
@@ -247,6 +271,7 @@ int main(void)
 {
 	const struct CMUnitTest tests[] = {
 	    cmocka_unit_test_setup(test_states_and_their_repetitions, begin),
+	    cmocka_unit_test_setup(test_what_waited_holds_no_longer_than_if_it_had_come_at_once, begin),
 	    cmocka_unit_test_setup(test_a_state_holds_for_its_time, begin),
 	    cmocka_unit_test_setup(test_what_is_older_is_not_believed, begin),
 	    cmocka_unit_test_setup(test_silence_forgets_no_number, begin),

@@ -16,6 +16,7 @@
 #include "process/module.h"
 
 #define HEARTBEAT_NS  (250 * NS_PER_MS) /* a quarter of what kind.c allows */
+#define AWAY_NS       NS_PER_S          /* no turn is so long that was not stopped */
 #define FRAMES_A_TURN 32
 
 enum { STOP, BELL, WIRE, WAITS };
@@ -25,19 +26,30 @@ static struct goose_stats *stats;
 static struct wire wire;
 static struct goose_pace rings;
 
-/* The clock is read behind each: who was stopped before it would take what came later as of then. */
+static bool was_away(int64_t read_ns, int64_t now_ns)
+{
+	return read_ns != 0 && now_ns - read_ns > AWAY_NS;
+}
+
+/*
+ * The clock is read behind each: who was stopped before it would take what came later as of then. What waited for who was stopped
+ * may have come right behind what was read before.
+ */
 static void receive(void)
 {
+	static int64_t read_ns; /* then all was read that had come */
 	uint8_t frame[GOOSE_FRAME_MAX];
-	size_t size;
+	size_t size = 1;
+	int64_t now_ns = map_now_ns();
 
 	for (unsigned i = 0; i < FRAMES_A_TURN && (size = wire_receive(&wire, frame)) != 0; i++) {
-		const int64_t now_ns = map_now_ns();
-
+		now_ns = map_now_ns();
 		map_count(&stats->frames, 1);
 		if (flood_admits(frame, size, now_ns))
-			subscribe_take(frame, size, now_ns);
+			subscribe_take(frame, size, now_ns, was_away(read_ns, now_ns) ? read_ns : now_ns);
 	}
+	if (size == 0 || !was_away(read_ns, now_ns))
+		read_ns = now_ns;
 }
 
 /* Returns when there is more to do. */

@@ -103,10 +103,16 @@ static void end_state(uint32_t number, int64_t now_ns)
 	invalidate(&subscribers[number], now_ns);
 }
 
-static void put_state(uint32_t number, const struct map_update *updates)
+/* One that holds no longer is there to be looked at. */
+static void put_state(uint32_t number, struct map_update *updates, int64_t now_ns)
 {
-	atomic_store(&stats->subscribed[number].holds, 1);
-	map_publish(map, updates, map_config(map)->sets[subscribers[number].subscription->set].point_count);
+	const uint32_t points = map_config(map)->sets[subscribers[number].subscription->set].point_count;
+	const bool holds = goose_subscriber_holds(&subscribers[number], now_ns);
+
+	for (uint32_t i = 0; i < points && !holds; i++)
+		updates[i].sample.quality |= MAP_INVALID;
+	atomic_store(&stats->subscribed[number].holds, holds);
+	map_publish(map, updates, points);
 }
 
 static _Atomic uint32_t *counter_of(struct goose_subscribed *of, enum goose_verdict verdict)
@@ -150,7 +156,7 @@ static void alarm(uint32_t number, const struct goose_last *before, const struct
 }
 
 /* What only this message of all is to its points. */
-static void judge(uint32_t number, const struct goose_message *message, int64_t now_ns)
+static void judge(uint32_t number, const struct goose_message *message, int64_t now_ns, int64_t since_ns)
 {
 	struct goose_subscriber *subscriber = &subscribers[number];
 	struct goose_subscribed *of = &stats->subscribed[number];
@@ -159,19 +165,19 @@ static void judge(uint32_t number, const struct goose_message *message, int64_t 
 	const struct map_clock clock = map_clock_read(map);
 	struct map_update updates[GOOSE_ITEMS_MAX];
 	const bool fits = convert(subscriber, message, updates, now_ns);
-	const enum goose_verdict verdict = goose_subscriber_take(subscriber, message, fits, now_ns,
-								 clock.set ? map_wall_ns(clock, now_ns) : 0);
+	const struct goose_arrival arrival = {now_ns, since_ns, clock.set ? map_wall_ns(clock, now_ns) : 0};
+	const enum goose_verdict verdict = goose_subscriber_take(subscriber, message, fits, &arrival);
 
 	map_count(counter_of(of, verdict), 1);
 	atomic_store(&of->missed, subscriber->missed);
 	atomic_store(&of->restarts, subscriber->restarts);
 	if (verdict == GOOSE_TAKEN)
-		put_state(number, updates);
+		put_state(number, updates, now_ns);
 	if (verdict == GOOSE_JUMPED || subscriber->restarts != restarts)
 		alarm(number, &before, message, verdict != GOOSE_JUMPED, now_ns);
 }
 
-void subscribe_take(const uint8_t *frame, size_t size, int64_t now_ns)
+void subscribe_take(const uint8_t *frame, size_t size, int64_t now_ns, int64_t since_ns)
 {
 	struct goose_item items[GOOSE_ITEMS_MAX];
 	struct goose_message message;
@@ -186,7 +192,7 @@ void subscribe_take(const uint8_t *frame, size_t size, int64_t now_ns)
 		if (!goose_subscriber_hears(&subscribers[i], &message))
 			continue;
 		known = true;
-		judge(i, &message, now_ns);
+		judge(i, &message, now_ns, since_ns);
 	}
 	if (!known)
 		map_count(&stats->unknown, 1);
