@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from front_journal import Journal
-from plant_judge import AFTER_S, CALL_WITHIN_S, WALL_NS, History, S, Violation, overlaps, seconds
+from plant_excuses import AFTER_S, overlaps
+from plant_history import CALL_WITHIN_S, WALL_NS, History, S, Violation, seconds
 from plant_world import JOURNAL, World
 
 SAID_S = 0.5

@@ -9,21 +9,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from plant_judge import (
-    AFTER_S,
-    AGE_S,
-    HELD_S,
-    NEXT_S,
-    History,
-    Told,
-    Violation,
-    age_s,
-    could_be_lost,
-    device_of,
-    overlaps,
-    seconds,
-    troubled_times,
-)
+from plant_excuses import AFTER_S, AGE_S, could_be_lost, device_of, overlaps, troubled_times
+from plant_history import NEXT_S, History, Told, Violation, seconds
+from plant_judge import HELD_S, age_s
 from plant_libiec61850 import program
 from plant_world import CABLE, CHANGES_FROM_S, SETTLED_S, Front, Programs, World
 

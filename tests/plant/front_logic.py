@@ -12,19 +12,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from plant_judge import (
-    AFTER_S,
-    HELD_S,
-    History,
-    Told,
-    Violation,
-    age_s,
-    could_be_lost,
-    device_of,
-    events_are_in_order,
-    overlaps,
-    troubled_times,
-)
+from plant_excuses import AFTER_S, could_be_lost, device_of, overlaps, troubled_times
+from plant_history import History, Told, Violation
+from plant_judge import HELD_S, age_s, events_are_in_order
 from plant_world import REPOSITORY, Front, PlantError, World
 
 COMPILER = REPOSITORY / "scripts" / "openrtu"

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from plant_judge import History, Master, Violation, judge_master
+from plant_history import History, Master, Violation
+from plant_judge import judge_master
 from plant_world import Front, Programs, World, part
 
 PROCESS, CONSUMER, ADDRESS = "rtu-centre-2", "consumer-2", "127.0.0.2"

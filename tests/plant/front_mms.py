@@ -11,19 +11,9 @@ from pathlib import Path
 from string import ascii_letters as LETTERS
 from typing import Any
 
-from plant_judge import (
-    AFTER_S,
-    AGE_S,
-    HELD_S,
-    NEXT_S,
-    History,
-    Violation,
-    could_be_lost,
-    device_of,
-    overlaps,
-    seconds,
-    troubled_times,
-)
+from plant_excuses import AFTER_S, AGE_S, could_be_lost, device_of, overlaps, troubled_times
+from plant_history import NEXT_S, History, Violation, seconds
+from plant_judge import HELD_S
 from plant_libiec61850 import program
 from plant_same import Event, tell_the_same
 from plant_world import CHANGES_FROM_S, Front, Programs, World

@@ -13,16 +13,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from plant_judge import (
-    AFTER_S,
-    AGE_S,
-    History,
-    Violation,
-    device_of,
-    overlaps,
-    seconds,
-    troubled_times,
-)
+from plant_excuses import AFTER_S, AGE_S, device_of, overlaps, troubled_times
+from plant_history import History, Violation, seconds
 from plant_same import Event, tell_the_same
 from plant_world import (
     BUILD,

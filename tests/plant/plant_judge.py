@@ -4,327 +4,39 @@
 from __future__ import annotations
 
 import itertools
-from bisect import bisect_right
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any
 
-from plant_world import (
-    BEGIN_NS,
-    CABLE,
-    CHANGES_FROM_S,
-    CONFIGURATIONS,
-    JOURNAL,
-    MODBUS_PORT,
-    NETWORKED,
-    ORDERED,
-    PORT,
-    RECOVERY_S,
-    SETTLED_S,
-    Change,
-    Configuration,
-    Fault,
-    Order,
-    Run,
+from plant_excuses import (
+    AGE_S,
+    could_be_lost,
+    device_of,
+    direct_times,
+    is_disturbed,
+    is_no_alarm,
+    is_trouble_of,
+    overlaps,
+    troubled_times,
 )
+from plant_history import CENTRE, LINK_DOWN, NEXT_S, History, Told, Violation, Write, seconds
+from plant_world import CHANGES_FROM_S, ORDERED, PORT, RECOVERY_S, SETTLED_S, Order, Run
 
-WALL_NS = 1767225600 * 10**9  # main.c
-S = 10**9
-AGE_S = 3.0
 HELD_S = 5.0
 RETURN_S = 1.0  # from its first words until a module is told to be back
 SAME_S = 0.1  # rtud looks at heartbeats every 50 ms
-CALL_WITHIN_S = 10.0  # main.c
-PASSED_ON_S = 1.0
-NEXT_S = 0.002  # a time tag has milliseconds
-LOST_DELAYS = 3  # flights.c: of what is lost and repeated, at most
-AFTER_S = 15.0  # what is behind a fault may still be its consequence
-RAREST_S = 65.0  # the longest pause before a probe, and the probe (docs/limit.md)
-PROBED_S = 5.0  # a device that lived for long before is probed so soon after it was dead for as long again
 INVALID_S = 5.0  # from the last answer of a device until its points are told invalid
-DOUBTED_S = 5.0  # the first pause that a device seems to need (docs/limit.md)
 WINDOW_S = 10
-CHANGED_S = 5.0  # from the end of a reload until all has been read by it
 CONNECTIONS = 16  # of rtu-iec104; of others there are fewer
 GROWTH_KIB = 1024  # pages that are used later
 LINES_AT_ONCE = 40  # about peers, of a program that has begun (docs/telecontrol.md)
 LINES_A_MINUTE = 60  # of a program: worlds with a fault every 8 s have half as many
 MINUTE = len("2026-01-01T00:00")
 ANSWERS_LEAST = 15  # of a device that lives, in each window: two reads a second, and a neighbour's time-outs
-JOURNAL_S = 90.0  # what waits in a gateway without a journal, and is lost with rtud
-RECORDED_S = 5.0  # until an event is in the journal: it is read, waits for the next record, and is written
-READERS = ("rtud", "rtu-modbus-1")
-DISK = ("full", "refuses", "worn")
-BEGINS_ANEW = ("kill", "stop", "hung", "cut", "lost")  # a process, or a connection
-EVENTS = (3, 11)  # spontaneous, and what a command has changed
 EXECUTED, REFUSED = 9, 8
 NOT_SENT = (6, 7, 64, 65, 66)  # docs/centre.md
 ORDER_S = 5.0  # a command takes that long where nothing fails, besides its ways
-END_OF_INITIALIZATION = 70  # M_EI_NA_1
-LINK_UP, LINK_DOWN = 3, 4
-CENTRE = "rtu-centre"
 ENDS_OF_CONNECTION = ("rtu-iec104", "rtud", CENTRE, f"{PORT}")
 ENDS_CONNECTION_S = {"kill": 15.0, "stop": 15.0, "cut": 20.0, "lost": 45.0, "power": 45.0}
-
-
-@dataclass(frozen=True)
-class Violation:
-    """Something that must not be; `rule` names what docs/plant.md says."""
-
-    rule: str
-    at_s: float
-    text: str
-
-    def __str__(self) -> str:
-        return f"{self.at_s:.3f} s: {self.rule}: {self.text}"
-
-
-@dataclass(frozen=True)
-class Write:
-    """A register that was written by a master."""
-
-    at_s: float
-    device: str
-    address: int
-    value: int
-
-    @property
-    def point(self) -> str:
-        line, unit = self.device.split(".")
-        return f"{int(line) * 1000 + int(unit)}.{ORDERED + self.address}"
-
-
-@dataclass(frozen=True)
-class Told:
-    """A value that came to the consumer."""
-
-    at_s: float
-    point: str
-    value: int
-    good: bool
-    tag_s: float | None
-    cause: int
-    session: int  # counts the connections of the station over all lives of the centre
-
-    @property
-    def as_good(self) -> Told:
-        return replace(self, good=True)
-
-    def __str__(self) -> str:
-        of = "" if self.tag_s is None else f" of {self.tag_s:.3f} s"
-        return f"{self.value}, {'good' if self.good else 'not good'}{of}"
-
-
-def seconds(time_ns: int) -> float:
-    return (time_ns - BEGIN_NS) / S
-
-
-def change_of(at_s: float, command: str) -> Change:
-    """That a device took: the one of the script, when it came to it."""
-    _, device, table, address, value = command.split()
-    return Change(at_s, device, table, int(address), int(value))
-
-
-def seen(fault: Fault) -> Fault:
-    """As what: without power rtud ends, and all with it."""
-    return replace(fault, kind="kill", of="rtud") if fault.kind == "blackout" else fault
-
-
-def held_until_s(hold: Fault) -> float:
-    """A stop waits for its call; then what waited is dealt with."""
-    return hold.end_s + (CALL_WITHIN_S if hold.kind == "stop" else 0.0) + PASSED_ON_S
-
-
-@dataclass(frozen=True)
-class Master:
-    """A control centre: its process, and who takes what that is told."""
-
-    process: str = CENTRE
-    consumer: str = "consumer"
-
-    def sees(self, fault: Fault) -> Fault:
-        """Its own process is the centre, that of another is nothing to it."""
-        return replace(fault, of={CENTRE: "another", self.process: CENTRE}.get(fault.of, fault.of))
-
-
-class History:
-    """What the devices held, and what a centre was told."""
-
-    def __init__(self, run: Run, master: Master | None = None) -> None:
-        self.run = run
-        self.master = master or Master()
-        self.faults = tuple(self.master.sees(seen(fault)) for fault in run.world.faults)
-        self.end_s = run.world.seconds
-
-    @cached_property
-    def held(self) -> dict[str, list[tuple[float, int]]]:
-        """Of each point, from when on it had which value."""
-        held: dict[str, list[tuple[float, int]]] = {
-            point: [(float("-inf"), 0)] for point in self.run.world.points
-        }
-        for write in self.writes:
-            held[write.point].append((write.at_s, write.value))
-        for line in self.run.told("field"):
-            if line["command"].startswith("set "):
-                change = change_of(seconds(line["at"]), line["command"])
-                if change.point in held:
-                    held[change.point].append((change.at_s, change.value))
-        return held
-
-    @cached_property
-    def writes(self) -> list[Write]:
-        if not self.run.world.orders:
-            return []
-        return [
-            Write(seconds(line["at"]), f"{line['port']}.{line['unit']}", line["address"], line["value"])
-            for line in self.run.told("writes")
-        ]
-
-    @cached_property
-    def ordered(self) -> dict[int, list[tuple[float, int, int]]]:
-        """Of each command that was sent, when it came into which state, with which result."""
-        ordered: dict[int, list[tuple[float, int, int]]] = {}
-        for line in self.run.told("consumer"):
-            if line["kind"] == "order":
-                ordered[line["order"]] = []
-            elif line["kind"] == "progress":
-                ordered[line["order"]].append((seconds(line["at"]), line["state"], line["result"]))
-        return ordered
-
-    @cached_property
-    def configured(self) -> list[tuple[float, float, Configuration]]:
-        """From when to when which was in force, without the time of its change."""
-        configured, since_s, now = [], 0.0, CONFIGURATIONS[0]
-        for line in self.run.told("reload") if self.run.world.reloads else []:
-            at_s = seconds(line["at"])
-            if line["kind"] == "asked":
-                configured.append((since_s, at_s, now))
-                since_s, now = float("inf"), CONFIGURATIONS[line["configuration"]]
-            elif line["kind"] == "in force":
-                since_s = at_s + CHANGED_S
-        return [*configured, (since_s, float("inf"), now)]
-
-    def has(self, point: str, from_s: float, to_s: float) -> bool:
-        """The point is there all that time."""
-        return any(
-            since_s <= from_s and to_s <= until_s and configuration.has(*self.run.world.points[point])
-            for since_s, until_s, configuration in self.configured
-        )
-
-    def has_not(self, point: str, from_s: float, to_s: float) -> bool:
-        """It is not there all that time."""
-        return any(
-            since_s <= from_s and to_s <= until_s and not configuration.has(*self.run.world.points[point])
-            for since_s, until_s, configuration in self.configured
-        )
-
-    def dead_times(self, device: str) -> list[tuple[float, float]]:
-        """When its points are told as not good."""
-        line, unit = device.split(".")
-        dead, since_s = [], None
-        for event in self.events.get(f"{int(line) * 1000 + int(unit)}.30001", []):
-            if not event.good and since_s is None:
-                since_s = event.tag_s
-            elif event.good and since_s is not None:
-                dead.append((since_s, event.tag_s or 0.0))
-                since_s = None
-        return dead if since_s is None else [*dead, (since_s, self.end_s)]
-
-    @cached_property
-    def answers(self) -> list[tuple[float, dict[str, int]]]:
-        """How many requests each device had answered until then."""
-        return [(seconds(line["at"]), line["answers"]) for line in self.run.told("watch")]
-
-    @cached_property
-    def told(self) -> list[Told]:
-        """Of devices' points."""
-        others = set(self.run.world.points_of_fronts)
-        return [told for told in self.all_told if told.point not in others]
-
-    @cached_property
-    def all_told(self) -> list[Told]:
-        told, session, connection = [], 0, None
-        for line in self.run.told(self.master.consumer):
-            if line["kind"] == "centre is gone" or line.get("state") == LINK_UP:
-                session += 1
-                connection = None
-            if line["kind"] != "value" or line["type"] == END_OF_INITIALIZATION:
-                continue
-            if connection is not None and line["connection"] != connection:
-                session += 1
-            connection = line["connection"]
-            told.append(self._of(line, session))
-        return told
-
-    @cached_property
-    def steps(self) -> list[Fault]:
-        return [fault for fault in self.faults if fault.kind in ("step", "leap")]
-
-    def tag_s(self, tag_ns: int, at_s: float) -> float:
-        """In plant time: by the calendar clock of a time before it came, as which it is the latest."""
-        ahead_s = itertools.accumulate([step.by_s for step in self.steps if step.at_s < at_s], initial=0.0)
-        by_each = [self.by_the_calendar(tag_ns, ahead) for ahead in ahead_s]
-        leaps = [step.at_s for step in self.steps if step.kind == "leap" and step.at_s < at_s]
-        if leaps:  # a second is too short to tell it from the way: the time says whether it is before
-            return by_each[-1] if by_each[-1] >= leaps[-1] - NEXT_S else by_each[-2]
-        return max((tag_s for tag_s in by_each if tag_s < at_s + NEXT_S), default=by_each[-1])
-
-    @property
-    def drift_s(self) -> float:
-        """Of the calendar clock, over the whole time."""
-        return abs(self.run.world.drift_ppm) / 1e6 * self.end_s
-
-    def by_the_calendar(self, tag_ns: int, ahead_s: float) -> float:
-        """A drift is by the other clock."""
-        return round(((tag_ns - WALL_NS) / S - ahead_s) / (1 + self.run.world.drift_ppm / 1e6), 3)
-
-    def _of(self, line: dict[str, Any], session: int) -> Told:
-        tag, at_s = line["tag"], seconds(line["at"])
-        return Told(
-            at_s=at_s,
-            point=line["point"],
-            value=line["value"],
-            good=line["quality"] == 0,
-            tag_s=None if tag is None else self.tag_s(tag, at_s),
-            cause=line["cause"],
-            session=session,
-        )
-
-    @cached_property
-    def events(self) -> dict[str, list[Told]]:
-        """With a time tag, of each point, in the order in which they came."""
-        events = defaultdict(list)
-        for told in self.told:
-            if told.tag_s is not None and told.cause in EVENTS:
-                events[told.point].append(told)
-        return events
-
-    def held_within(self, point: str, value: int, from_s: float, to_s: float) -> bool:
-        held = self.held[point]
-        first = max(0, bisect_right(held, (from_s, -1)) - 1)
-        return any(has == value for since, has in held[first:] if since <= to_s)
-
-    @property
-    def way_s(self) -> float:
-        """To the centre, at most."""
-        return sum(LOST_DELAYS * link.most_s for link in self.run.world.links if link.port == PORT)
-
-    @cached_property
-    def holds(self) -> list[Fault]:
-        """What holds up what is told, the last first."""
-        field = ("rtu-modbus-1", "linesim", f"{MODBUS_PORT}", CABLE)
-        holds = [fault for fault in self.faults if fault.kind in ("stop", "cut") and fault.of not in field]
-        return sorted(holds, key=held_until_s, reverse=True)
-
-    def delay_s(self, at_s: float) -> float:
-        """How long it may have been held up, one behind the other, what came then; and its way."""
-        since_s = at_s - self.way_s
-        for hold in self.holds:
-            if hold.at_s < since_s <= held_until_s(hold):
-                since_s -= min(hold.for_s, since_s - hold.at_s)
-        return at_s - since_s
 
 
 def age_s(history: History, told: Told) -> float:
@@ -385,101 +97,6 @@ def events_are_in_order(history: History) -> Iterator[Violation]:
             if goes_back and not was_told(event, before_it, history.drift_s):
                 yield Violation("order", event.at_s, f"{point}: {event} after {latest}")
             latest = max(latest, event, key=lambda told: told.tag_s or 0)
-
-
-def is_trouble_of(device: str, fault: Fault) -> bool:
-    """It may keep the device from being read. What comes late falls into what others say on the line."""
-    line = device.split(".")[0]
-    if fault.kind in ("reload", "closing", "tearing", "idling", "memory", *DISK):
-        return False
-    if fault.kind in ("cut", "lost", "power"):
-        return (line, fault.of) == (f"{NETWORKED}", f"{MODBUS_PORT}")
-    if fault.kind == "late":
-        return fault.of.split(".")[0] == line
-    return fault.of in ("rtu-modbus-1", "rtud", "linesim", device, line)
-
-
-def doubted_s(fault: Fault) -> float:
-    """Until none is tried in the place of a pause that it needed: after 5 s, and twice as long each time."""
-    return fault.for_s + DOUBTED_S if fault.kind == "deaf" else 0.0
-
-
-def is_read_again_s(fault: Fault, troubles: list[Fault]) -> float:
-    """From when on a device must be read as ever, by what docs/limit.md says of its probes."""
-    lived = not any(fault.at_s - RAREST_S < other.end_s and other.at_s < fault.at_s for other in troubles)
-    begins_later_s = AFTER_S if fault.kind in BEGINS_ANEW else 0.0
-    probed_s = max(AFTER_S, fault.for_s + PROBED_S) if lived else RAREST_S
-    return fault.end_s + doubted_s(fault) + begins_later_s + probed_s
-
-
-def troubled_times(device: str, faults: tuple[Fault, ...]) -> list[tuple[float, float]]:
-    """When the device may not be read as it should."""
-    troubles = [fault for fault in faults if is_trouble_of(device, fault)]
-    return [(fault.at_s, is_read_again_s(fault, troubles)) for fault in troubles]
-
-
-def overlaps(times: list[tuple[float, float]], from_s: float, to_s: float) -> bool:
-    return any(begin_s < to_s and from_s < end_s for begin_s, end_s in times)
-
-
-def direct_times(device: str, faults: tuple[Fault, ...]) -> list[tuple[float, float]]:
-    """When a device that answers may be read too seldom."""
-    return [
-        (fault.at_s, fault.end_s + doubted_s(fault) + (AFTER_S if fault.kind in BEGINS_ANEW else PROBED_S))
-        for fault in faults
-        if is_trouble_of(device, fault)
-    ]
-
-
-def device_of(point: str) -> str:
-    ca = int(point.split(".")[0])
-    return f"{ca // 1000}.{ca % 1000}"
-
-
-def unwritten_from_s(history: History, end: Fault) -> float:
-    """From when on the journal need not have what happens, if that ends it; all, if it is not read again."""
-    from_s = end.at_s - RECORDED_S
-    for fault in sorted(history.faults, key=lambda fault: fault.at_s, reverse=True):
-        near = fault.at_s < end.at_s + CALL_WITHIN_S + AFTER_S and fault.end_s + RECORDED_S > from_s
-        if fault.kind == "worn" and near:
-            return end.at_s - JOURNAL_S
-        if fault.kind in ("full", "refuses") and near:
-            from_s = min(from_s, fault.at_s - RECORDED_S)
-    return from_s
-
-
-def unread_times(device: str, faults: tuple[Fault, ...]) -> list[tuple[float, float]]:
-    """When it may not be read. With its process it is not dead: that reads it as soon as it is back."""
-    own = tuple(fault for fault in faults if fault.of not in READERS)
-    behind_s = CALL_WITHIN_S + AFTER_S
-    readers = [(fault.at_s, fault.end_s + behind_s) for fault in faults if fault.of in READERS]
-    return [*troubled_times(device, own), *readers]
-
-
-def has_journal(history: History, end: Fault) -> bool:
-    """One that nothing had kept from its work before the gateway's end."""
-    if not any(JOURNAL in front.processes for front in history.run.world.fronts):
-        return False
-    kept_up = [(fault.at_s, fault.end_s + AFTER_S) for fault in history.faults if fault.of == JOURNAL]
-    return not overlaps(kept_up, end.at_s - AFTER_S, end.at_s)
-
-
-def goes_with_the_gateway(history: History, since_s: float) -> bool:
-    """What came then may have waited in it, as it ended."""
-    for fault in history.faults:
-        if (fault.kind, fault.of) != ("kill", "rtud"):
-            continue
-        journal = has_journal(history, fault)
-        from_s = unwritten_from_s(history, fault) if journal else fault.at_s - JOURNAL_S
-        if from_s < since_s < fault.at_s + (CALL_WITHIN_S + AFTER_S if journal else JOURNAL_S):
-            return True
-    return False
-
-
-def could_be_lost(point: str, since_s: float, until_s: float, history: History) -> bool:
-    """The line was not read meanwhile, or the gateway went with what waited in it."""
-    troubled = unread_times(device_of(point), history.faults)
-    return overlaps(troubled, since_s, until_s) or goes_with_the_gateway(history, since_s)
 
 
 def lifeless_times(events: list[Told]) -> Iterator[tuple[float, float]]:
@@ -567,15 +184,6 @@ def periods_are_kept(history: History) -> Iterator[Violation]:
                 yield Violation("period", to_s, text)
 
 
-def is_disturbed(point: str, others: list[Fault], from_s: float, to_s: float) -> bool:
-    """Something else has to do with the point, or with its way to the centre."""
-    device = device_of(point)
-    if overlaps(troubled_times(device, tuple(others)), from_s, to_s):
-        return True
-    on_its_way = [other for other in others if other.of in ("rtu-iec104", CENTRE, f"{PORT}")]
-    return overlaps([(other.at_s, other.end_s + AFTER_S) for other in on_its_way], from_s, to_s)
-
-
 def silence_is_told(history: History) -> Iterator[Violation]:
     """The points of a device that answers nothing any more are told invalid soon."""
     for fault in history.faults:
@@ -591,14 +199,6 @@ def silence_is_told(history: History) -> Iterator[Violation]:
                 continue
             if not any(not event.good and fault.at_s <= (event.tag_s or 0) <= until_s for event in events):
                 yield Violation("silence", until_s, f"{point} is not told invalid")
-
-
-def is_no_alarm(history: History, event: Told) -> bool:
-    """Neither its device, nor its line, nor the process that reads it had trouble."""
-    tag_s = event.tag_s or 0.0
-    times = troubled_times(device_of(event.point), history.faults)
-    there = history.has(event.point, tag_s, tag_s + AGE_S)
-    return there and not event.good and not overlaps(times, tag_s - AGE_S, tag_s + AGE_S)
 
 
 def nothing_is_bad_without_trouble(history: History) -> Iterator[Violation]:

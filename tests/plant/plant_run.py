@@ -12,7 +12,8 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from plant_judge import Violation, judge
+from plant_history import Violation
+from plant_judge import judge
 from plant_seeds import WORLDS, world_of
 from plant_world import RECOVERY_S, PlantError, Run, World, run
 

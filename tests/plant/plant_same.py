@@ -8,7 +8,8 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from plant_judge import AFTER_S, AGE_S, History, Violation, is_disturbed, overlaps
+from plant_excuses import AFTER_S, AGE_S, is_disturbed, overlaps
+from plant_history import History, Violation
 from plant_world import CHANGES_FROM_S, SETTLED_S
 
 ROUNDED_S = 0.0015  # a time of IEC 61850 has parts of a second that are no milliseconds

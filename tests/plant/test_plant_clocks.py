@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from plant_judge import WALL_NS, judge
+from plant_history import WALL_NS
+from plant_judge import judge
 from plant_seeds import calm, with_a_clock
 from plant_trials import Lines, run_script, run_world, spoiled_copy
 from plant_world import Change, Fault, Run, World

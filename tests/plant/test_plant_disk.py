@@ -10,7 +10,8 @@ import pytest
 
 from front_disk import Disk
 from plant_disk import Log, restore_after_a_power_cut
-from plant_judge import WALL_NS, judge
+from plant_history import WALL_NS
+from plant_judge import judge
 from plant_seeds import calm, stored
 from plant_trials import run_world, spoiled_copy
 from plant_world import PORT, Fault, Run

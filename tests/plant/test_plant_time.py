@@ -17,7 +17,8 @@ import pytest
 import plant_world
 from lab.patience import Deadline
 from plant_faults import FAULTS, look_for, names
-from plant_judge import LINK_UP, WALL_NS, Violation, judge
+from plant_history import LINK_UP, WALL_NS, Violation
+from plant_judge import judge
 from plant_run import shrunk, story
 from plant_seeds import FAR_LINES, calm, far, restless, troubled
 from plant_trials import Lines, busy_processes, run_alone, run_script, run_world, spoiled_copy
