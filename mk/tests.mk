@@ -154,7 +154,7 @@ ROOMS := ber goose gps iec104 iec61850 map modbus snmp
 MUTANTS := 300
 
 mutation: build $(TESTED) ## Test: which small faults, put into rooms of C, the tests notice (ROOMS=)
-	$(PYTHON) tests/mutation/score.py $(ROOMS) --mutants $(MUTANTS)
+	$(PYTHON) tests/mutating/score.py $(ROOMS) --mutants $(MUTANTS)
 
 soak: build qemu uboot linux linux-debug image-debian build/swupdate/done build/curl/done $(TESTED) ## Test: hours: 1000 kills of each module, 500 boots, 200 netboots, 2000 power cuts
 	$(PYTHON) -m pytest -m soak

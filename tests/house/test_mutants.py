@@ -7,9 +7,10 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+
 from mutants import Mutant, choose, mutants_of, written
 
-HERE = Path(__file__).resolve().parents[1] / "mutation"
+HERE = Path(__file__).resolve().parents[1] / "mutating"
 # With what has no mutant: constants, a macro's argument, a pointer that nothing can be added to.
 SOURCE = b"""#include <stdbool.h>
 #include <string.h>

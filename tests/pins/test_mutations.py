@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from mutation import Mutation, assert_found
 from mutations_boot import BOOT, BOOT_MUTATIONS
 from mutations_boot import RIGHT as RIGHT_BOOT
 from mutations_devices import DEVICE_MUTATIONS
@@ -21,7 +22,6 @@ from mutations_properties import RIGHT as RIGHT_PROPERTIES
 from mutations_table import TABLE_MUTATIONS
 from trees import CHIP, ROOT, TABLE, gateway, read
 
-from mutation import Mutation, assert_found
 from nuc980.pins.board import Device, load_board
 from nuc980.pins.rules import RULES, check
 from nuc980.pins.source import read_source

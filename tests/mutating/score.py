@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The mutation score of rooms of C: of the small faults put into it, how many its tests notice.
 
-`python tests/mutation/score.py ROOM... [--mutants N] [--seed N]`. N of its mutants are put into one build.
+`python tests/mutating/score.py ROOM... [--mutants N] [--seed N]`. N of its mutants are put into one build.
 Each is switched on for the C unit tests that reach its place. Whom they do not notice, meets the quick files
 of pytest that reach it, at most MOST_FILES of them: the score is a lower bound. A test that fails, or takes
 ten times as long, has noticed the mutant. Prints who survived; `build/mutation/ROOM.txt` keeps them. Exit
