@@ -29,7 +29,7 @@ build/clang-format.done: .clang-format $(LINTED) $(C_FILES)
 # Many of these wait for a line, a timer or a guest: four at a time fill two cores. A file's tests share what they start.
 WORKERS := 4
 BESIDE = -n $(WORKERS) --dist loadfile --no-loadscope-reorder --max-worker-restart 0
-PYTEST = OPENRTU_TIMES=build/times/$@.json $(PYTHON) -m pytest $(BESIDE)
+PYTEST = OPENRTU_TIMES=build/times/$@.json $(PYTHON) tests/run/alone.py $(BESIDE)
 
 test-quick: LISTS := packages packages-lint packages-boards packages-tests
 test-quick: $(PACKAGES) $(LINTED) $(TESTED) ## Test: lint, C unit tests, the quick half of pytest

@@ -20,6 +20,7 @@ import pytest
 from areas import area_of
 
 SLOWEST = 10
+ALONE = "-alone.json"  # the end of the name of alone.py's second run
 CPU = "cpu_s"
 
 
@@ -52,6 +53,12 @@ class Times:
         self._last: dict[str, tuple[float, str]] = {}  # of each worker the last test: its end, its name
         self._begun_s = time.time()
         self._cpu_before_s = 0.0
+        self._whole = True
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_testnodedown(self, error: object) -> None:
+        """Of xdist: a worker has ended. With one that crashed ends the run, whatever is left."""
+        self._whole = self._whole and not error
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self) -> Generator[None, object, object]:
@@ -86,7 +93,7 @@ class Times:
         if file := os.environ.get("OPENRTU_TIMES"):
             Path(file).parent.mkdir(parents=True, exist_ok=True)
             costs = {test: asdict(cost) for test, cost in self._costs.items()}
-            run = {"begun_s": self._begun_s, "ended_s": ended_s, "costs": costs}
+            run = {"begun_s": self._begun_s, "ended_s": ended_s, "whole": self._whole, "costs": costs}
             Path(file).write_text(json.dumps(run))
 
 
@@ -106,6 +113,20 @@ def table(costs: dict[str, Cost], elapsed_s: float) -> Iterable[str]:
         yield f"{cost.seconds:>8.1f} s {cost.cpu_s:>8.1f} CPU s  {test}"
 
 
+def failed_tests(file: Path) -> list[str]:
+    """Of the run that left this file; none if it left none, or a worker's crash ended it before its time."""
+    run = json.loads(file.read_text()) if file.exists() else {"whole": False}
+    return [test for test, cost in run["costs"].items() if cost["failed"]] if run["whole"] else []
+
+
+def passed_alone(file: Path) -> Iterable[str]:
+    """Of alone.py's second run; nothing if it left none."""
+    if file.exists():
+        for test, cost in json.loads(file.read_text())["costs"].items():
+            if not cost["failed"]:
+                yield f"passed only alone: {test}"
+
+
 def main(files: list[str]) -> int:
     costs: dict[str, Cost] = defaultdict(Cost)
     runs = [json.loads(Path(file).read_text()) for file in files]
@@ -117,6 +138,9 @@ def main(files: list[str]) -> int:
         for test, cost in run["costs"].items():
             costs[test].add(Cost(**cost))
     print(*table(costs, elapsed_s), sep="\n")
+    for file in files:
+        if file.endswith(ALONE):
+            print(*passed_alone(Path(file)), sep="\n")
     return 0
 
 
