@@ -33,8 +33,11 @@ PANIC = re.compile(r"---\[ end Kernel panic")
 MESSAGE = r"(?:\[ *\d+\.\d{6}\]|\*\* \d+ printk messages dropped)[^\n]*\n"
 STATUS = rf"(?:\d(?:{MESSAGE})*)+"
 BROKEN_IN = re.compile(rf"(?<=[^\n])(?:{MESSAGE})+")
-# What a tty says when a busy host lets its reader wait: never what a command writes.
-OVERRUN = re.compile(r"^\[ *\d+\.\d{6}\] ttyS ttyS\d+: \d+ input overrun\(s\)\n", re.MULTILINE)
+# What the kernel says when a busy host lets its tasks wait: never what a command writes.
+OF_A_BUSY_HOST = re.compile(
+    r"^\[ *\d+\.\d{6}\] (?:ttyS ttyS\d+: \d+ input overrun\(s\)|sched: RT throttling activated)\n",
+    re.MULTILINE,
+)
 
 SHELL_IS_UP = "<shell>"
 # Takes the place of the log-in: no password, no line editing; a command's lines, then the mark that starts
@@ -196,7 +199,7 @@ class Linux:
         ran = f"<ran {number}> "
         # With its line's end, which otherwise comes within the echo of the next command, or behind that.
         ended = broken([*map(re.escape, ran), STATUS, ">", "\r?\n"])
-        said = OVERRUN.sub("", BROKEN_IN.sub("", self.wait_for(ended, seconds)))
+        said = OF_A_BUSY_HOST.sub("", BROKEN_IN.sub("", self.wait_for(ended, seconds)))
         text, _, status = said.rpartition(ran)
         return int(status.removesuffix(">\n")), text.removesuffix("\n")
 
