@@ -21,7 +21,7 @@ COMPILER = REPOSITORY / "scripts" / "openrtu"
 SOURCES = Path(__file__).with_name("logic")
 PERIOD_MS = 500
 SCANS_S = 2 * PERIOD_MS / 1000  # of the two, one behind the other
-SETTLED_S = 15.0  # from the start: the first scan waits 10 s at most
+STARTED_S = 15.0  # from the start: the first scan waits 10 s at most
 REGISTER = 30001
 CA = {"sub": 9000, "neg": 9001}
 SIGN = {f"{CA['sub']}.1": 1, f"{CA['neg']}.1": -1}  # of each program's point: the difference, or its opposite
@@ -85,13 +85,7 @@ class Logic(Front):
 
     def judge(self, history: History) -> Iterator[Violation]:
         of_programs = OfPrograms(history.run, history.master)
-        for rule in (
-            events_are_in_order,
-            values_are_computed,
-            results_are_told,
-            results_are_good,
-            all_recovers,
-        ):
+        for rule in RULES:
             yield from (one for one in rule(of_programs) if one.rule != "once")
 
 
@@ -133,7 +127,7 @@ def results_are_told(history: History) -> Iterator[Violation]:
     for since_s, until_s in pairwise([*changes, history.end_s]):
         (x,), (y,) = (held_between(history, point, since_s, since_s) for point in (one, other))
         lost = [could_be_lost(point, since_s, since_s + HELD_S, history) for point in (one, other)]
-        if until_s - since_s < HELD_S or since_s < SETTLED_S or any(lost):
+        if until_s - since_s < HELD_S or since_s < STARTED_S or any(lost):
             continue
         for point, sign in SIGN.items():
             if overlaps(troubles(history), since_s, since_s + HELD_S):
@@ -147,7 +141,7 @@ def results_are_good(history: History) -> Iterator[Violation]:
     for point, events in history.events.items():
         for event in events:
             tag_s = event.tag_s or 0.0
-            if event.good or tag_s < SETTLED_S:
+            if event.good or tag_s < STARTED_S:
                 continue
             if not overlaps(troubles(history), tag_s - age_s(history, event.as_good), tag_s + SCANS_S):
                 yield Violation("good", event.at_s, f"{point} is told as {event}")

@@ -11,9 +11,9 @@ from pathlib import Path
 from string import ascii_letters as LETTERS
 from typing import Any
 
-from plant_excuses import AFTER_S, AGE_S, could_be_lost, device_of, overlaps, troubled_times
+from plant_excuses import AFTER_S, AGE_S, device_of, overlaps, troubled_times
 from plant_history import NEXT_S, History, Violation, seconds
-from plant_judge import HELD_S
+from plant_judge import lost_of
 from plant_libiec61850 import program
 from plant_same import Event, tell_the_same
 from plant_world import CHANGES_FROM_S, Front, Programs, World
@@ -204,19 +204,8 @@ def data_sets_are_as_named(reported: Reported) -> Iterator[Violation]:
 
 
 def no_change_is_lost(reported: Reported) -> Iterator[Violation]:
-    """What a device held for a while is reported, as of `no event lost`."""
-    history = reported.history
-    told = {member.what for member in reported.members}
-    for point, held in history.held.items():
-        if point.endswith(".10001"):
-            continue
-        ends = [since for since, _ in held[1:]] + [history.end_s]
-        for (since_s, value), until_s in zip(held, ends, strict=True):
-            if until_s - since_s < HELD_S or value == 0 or (point, value) in told:
-                continue
-            if not could_be_lost(point, since_s, since_s + HELD_S, history):
-                text = f"{point} was {value} from {since_s:.3f} to {until_s:.3f} s"
-                yield Violation("no event lost", since_s, text)
+    """As of `no event lost`."""
+    yield from lost_of(reported.history, {member.what for member in reported.members})
 
 
 def associations_stay(reported: Reported) -> Iterator[Violation]:

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
  * A relay by libiec61850: it subscribes to what the gateway publishes, and publishes a count that goes up. It prints a line of JSON for
- * each state that comes and each that it sends; `at` is plant time. The package pyiec61850-ng has the library without its headers.
+ * each state that comes and each that it sends; `at` is plant time.
  */
 #include <poll.h>
 #include <stdbool.h>
@@ -13,15 +13,13 @@
 #include <time.h>
 #include <unistd.h>
 
-#define NS_PER_S   1000000000LL
-#define NS_PER_MS  1000000LL
-#define REPEAT_NS  (NS_PER_S / 2)
-#define LIVES_MS   2000 /* a message, after it was sent */
-#define FDS_MAX    64
-#define INTERFACE  "plant0"
-#define REPETITION 1 /* sqNum of what is no new state */
+#include "libiec61850.h"
 
-enum { ARRAY, STRUCTURE, BOOLEAN, BITS, INTEGER, UNSIGNED, FLOATING }; /* MmsType */
+#define NS_PER_MS 1000000LL
+#define REPEAT_NS (NS_PER_S / 2)
+#define LIVES_MS  2000 /* a message, after it was sent */
+#define FDS_MAX   64
+#define INTERFACE "plant0"
 
 struct communication {
 	uint8_t priority;
@@ -55,22 +53,8 @@ void *LinkedList_create(void);
 void LinkedList_add(void *list, void *value);
 void *MmsValue_newIntegerFromInt32(int32_t value);
 void MmsValue_setInt32(void *value, int32_t number);
-int MmsValue_getType(void *value);
-int MmsValue_getArraySize(void *value);
-void *MmsValue_getElement(void *value, int place);
-bool MmsValue_getBoolean(void *value);
-int64_t MmsValue_toInt64(void *value);
-uint32_t MmsValue_getBitStringAsInteger(void *value);
 
 static uint32_t last_state, last_number;
-
-static long long now_ns(void)
-{
-	struct timespec now;
-
-	clock_gettime(CLOCK_MONOTONIC, &now);
-	return now.tv_sec * NS_PER_S + now.tv_nsec;
-}
 
 static long long number_of(void *value)
 {

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
  * A client of IEC 61850 by libiec61850, without its threads: mms_client PORT BLOCK... takes the reports of these control blocks, and
- * prints a line of JSON for each member of each. `at` is plant time. A buffered block goes on behind the last entry that came. The
- * package pyiec61850-ng has the library without its headers.
+ * prints a line of JSON for each member of each. `at` is plant time. A buffered block goes on behind the last entry that came.
  */
 #include <poll.h>
 #include <stdbool.h>
@@ -14,8 +13,9 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "libiec61850.h"
+
 #define BLOCKS_MAX 128
-#define NS_PER_S   1000000000LL
 #define RETRY_MS   1000
 #define IDLE_MS    1000
 #define ANSWER_NS  (10 * NS_PER_S)
@@ -25,8 +25,6 @@ enum { CLOSED, CONNECTING, CONNECTED }; /* IedConnectionState */
 enum { ENABLED = 1 << 1, OPTIONS = 1 << 5, TRIGGERS = 1 << 8, GENERAL = 1 << 10, ENTRY = 1 << 12 };
 enum { WANTED_OPTIONS = 1 | 4 | 16 | 32 | 64 }; /* number, reason, reference, overflow, entry */
 enum { WANTED_TRIGGERS = 1 | 2 | 16 };          /* data, quality, general interrogation */
-enum { ARRAY, STRUCTURE, BOOLEAN, BITS, INTEGER, UNSIGNED, FLOATING }; /* MmsType */
-enum { UTC_TIME = 14 };
 
 typedef void (*got_block)(uint32_t request, void *context, int error, void *block);
 typedef void (*done)(uint32_t request, void *context, int error);
@@ -55,13 +53,7 @@ const char *ClientReport_getDataReference(void *report, int member);
 void *ClientReport_getEntryId(void *report);
 bool ClientReport_getBufOvfl(void *report);
 uint16_t ClientReport_getSeqNum(void *report);
-int MmsValue_getType(void *value);
-int MmsValue_getArraySize(void *value);
-void *MmsValue_getElement(void *value, int place);
-bool MmsValue_getBoolean(void *value);
-int64_t MmsValue_toInt64(void *value);
 float MmsValue_toFloat(void *value);
-uint32_t MmsValue_getBitStringAsInteger(void *value);
 uint64_t MmsValue_getUtcTimeInMs(void *value);
 void *MmsValue_clone(void *value);
 void MmsValue_delete(void *value);
@@ -75,14 +67,6 @@ static size_t block_count;
 static void *connection;
 static bool answered;
 static int answer_error;
-
-static long long now_ns(void)
-{
-	struct timespec now;
-
-	clock_gettime(CLOCK_MONOTONIC, &now);
-	return now.tv_sec * NS_PER_S + now.tv_nsec;
-}
 
 /* ---- what is told ------------------------------------------------------------------------ */
 

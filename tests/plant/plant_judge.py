@@ -127,9 +127,8 @@ def interrogations_tell_the_same(history: History) -> Iterator[Violation]:
                 yield Violation("same", told.at_s, text)
 
 
-def no_event_is_lost(history: History) -> Iterator[Violation]:
-    """What a device held for a while, and the line could read, is told."""
-    told = {(event.point, event.value) for events in history.events.values() for event in events}
+def lost_of(history: History, told: set[tuple[str, int | None]]) -> Iterator[Violation]:
+    """What a device held for a while, and the line could read, and is not among what was told."""
     for point, held in history.held.items():
         if point.endswith(".10001"):
             continue  # a bit has but two values
@@ -142,6 +141,12 @@ def no_event_is_lost(history: History) -> Iterator[Violation]:
             if not could_be_lost(point, since_s, since_s + HELD_S, history):
                 text = f"{point} was {value} from {since_s:.3f} to {until_s:.3f} s"
                 yield Violation("no event lost", since_s, text)
+
+
+def no_event_is_lost(history: History) -> Iterator[Violation]:
+    yield from lost_of(
+        history, {(event.point, event.value) for events in history.events.values() for event in events}
+    )
 
 
 def all_recovers(history: History) -> Iterator[Violation]:

@@ -24,7 +24,8 @@ def library() -> Path:
 def program(name: str) -> Path:
     """Of the source of this name; made anew when that or the library is another. Raises PlantError."""
     made, made_of = BUILD / name, (Path(__file__).with_name(f"{name}.c"), library())
-    if made.exists() and made.stat().st_mtime > max(path.stat().st_mtime for path in made_of):
+    newest = max(path.stat().st_mtime for path in (*made_of, Path(__file__).with_name("libiec61850.h")))
+    if made.exists() and made.stat().st_mtime > newest:
         return made
     fresh = made.with_suffix(f".{os.getpid()}")
     command = ["cc", "-O2", f"-Wl,-rpath,{library().parent}", "-o", fresh, *made_of]

@@ -16,6 +16,7 @@ from front_masters import SecondMaster
 from front_mms import Mms
 from front_snmp import Snmp
 from front_strangers import Strangers
+from plant_history import CALL_WITHIN_S
 from plant_world import (
     CHANGES_FROM_S,
     CONFIGURATIONS,
@@ -57,7 +58,6 @@ CLOSED_APART_S = 2.0
 CONNECTED_S = 20.0  # by then a connection over GPRS is made: what was before is no event
 SESSION_LONGEST_S = 30.0
 BESIDE_A_LEAP_S = 3.0  # rtud has to be there to see it
-CALL_WITHIN_S = 10.0  # main.c
 STARVED_S, STARVED_PART = 8.0, 0.5
 REFUSED_EACH_S = (10.0, 40.0)
 STORM_S = (10.0, 25.0)
@@ -65,7 +65,7 @@ DRIFT_PPM = 500  # as much as a daemon may slew a clock
 LEAST_STEP_S = 1000.0
 FAR_LINES = (1, NETWORKED)
 SIX, FIVE = tuple(range(1, 7)), 5  # lines, and devices of each
-GPRS, RADIO, CABLE = Link(PORT, 0.6, 1.5), Link(PORT, 0.05, 0.4), Link(MODBUS_PORT, 0.002, 0.02)
+GPRS, RADIO, FIELD_BUS = Link(PORT, 0.6, 1.5), Link(PORT, 0.05, 0.4), Link(MODBUS_PORT, 0.002, 0.02)
 
 
 @dataclass
@@ -326,7 +326,7 @@ def far(seed: int, seconds: float, fault_every_s: float = 8.0) -> World:
     of_seed = Field(random.Random(seed), seconds, FAR_LINES)
     changes = of_seed.changes(mean_s=1.0, from_s=CONNECTED_S)
     faults = with_one_closing(of_seed.made_by(of_seed.far_fault, fault_every_s))
-    links = (of_seed.random.choice((GPRS, RADIO)), CABLE)
+    links = (of_seed.random.choice((GPRS, RADIO)), FIELD_BUS)
     orders = of_seed.orders(mean_s=3.0)
     return World(seed, seconds, changes, faults, lines=FAR_LINES, links=links, orders=orders)
 

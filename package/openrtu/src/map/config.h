@@ -262,7 +262,7 @@ static inline uint32_t map_record_count(const struct map_config *config, uint32_
 }
 
 /*
- * Of a section whose records begin with the number of their point, and are in the order of these: the first of this point's, of which
+ * Of a section whose records begin with a number, as that of their point, and are in the order of these: the first of this one's, of which
  * there are *count.
  */
 const void *map_records_of(const struct map_config *config, uint32_t id, size_t record_size, uint32_t point,

@@ -258,9 +258,11 @@ static inline bool modbus_is_asked(const struct map_config *config, uint32_t sla
 	return !modbus_slaves(config)[slave].not_asked && !modbus_is_broadcast(config, slave);
 }
 
-static inline struct modbus_expected *modbus_expected(const struct map_config *config)
+/* Those of a slave, of which there are *count. */
+static inline const struct modbus_expected *modbus_expected_of(const struct map_config *config,
+							       uint32_t slave, uint32_t *count)
 {
-	return map_records(config, MODBUS_EXPECTED, sizeof(struct modbus_expected));
+	return map_records_of(config, MODBUS_EXPECTED, sizeof(struct modbus_expected), slave, count);
 }
 
 /* A bit, or two neighbours, of a register. */

@@ -30,10 +30,10 @@ enum {
 	SLAVE_MAX_BITS,
 	SLAVE_MAX_REGISTERS,
 	SLAVE_HOLES,
-	SLAVE_READ_BACK,
-	SLAVE_WRITE_FUNCTION,
 	SLAVE_IDENTIFY,
 	SLAVE_IDENTIFICATION,
+	SLAVE_READ_BACK,
+	SLAVE_WRITE_FUNCTION,
 	SLAVE_CA,
 	SLAVE_IOA_OFFSET,
 	SLAVE_NAME_PREFIX,
@@ -111,6 +111,15 @@ static const struct config_rule slave_rules[SLAVE_KEYS] = {
 		     CONFIG_SAYS(
 			 "A request may read addresses between the objects where that is faster than another "
 			 "request. With false, the device is asked for the objects' addresses only.")},
+    [SLAVE_IDENTIFY] = {"identify", CONFIG_BOOLEAN,
+			CONFIG_SAYS(
+			    "The device is asked what it is (function 43/14) when it answers for the "
+			    "first time and when it is back. By default only one with identification.",
+			    .see = "configuration.md#what-a-device-is")},
+    [SLAVE_IDENTIFICATION] = {"identification", CONFIG_OBJECT,
+			      CONFIG_SAYS("What it shall say that it is. `rtuctl lines` says what differs.",
+					  .table = &identification_table,
+					  .see = "configuration.md#what-a-device-is")},
     [SLAVE_READ_BACK] =
 	{"read_back", CONFIG_BOOLEAN, .fallback = true,
 	 CONFIG_SAYS("What a command has written is read at once, and the command ends with that, where the "
@@ -121,15 +130,6 @@ static const struct config_rule slave_rules[SLAVE_KEYS] = {
 					  "function 5 or 6, multiple with 15 or "
 					  "16. After exception 1 (illegal function) it is the other.",
 					  .see = "telecontrol.md#which-function-writes")},
-    [SLAVE_IDENTIFY] = {"identify", CONFIG_BOOLEAN,
-			CONFIG_SAYS(
-			    "The device is asked what it is (function 43/14) when it answers for the "
-			    "first time and when it is back. By default only one with identification.",
-			    .see = "configuration.md#what-a-device-is")},
-    [SLAVE_IDENTIFICATION] = {"identification", CONFIG_OBJECT,
-			      CONFIG_SAYS("What it shall say that it is. `rtuctl lines` says what differs.",
-					  .table = &identification_table,
-					  .see = "configuration.md#what-a-device-is")},
     [SLAVE_CA] = {"ca", CONFIG_INTEGER, .low = 1, .high = 65534,
 		  CONFIG_SAYS(
 		      "Common address, which several slaves may share. Without it, 1000 × port + id.")},
@@ -226,9 +226,7 @@ static void check_broadcast(struct modbus_loader *loader, const struct config_pl
 	for (size_t key = SLAVE_PROBE_MAX; key <= SLAVE_TEMPLATE; key++) {
 		const struct config_place here = config_key_of(slave, slave_rules[key].name);
 
-		if ((key <= SLAVE_HOLES || key == SLAVE_IDENTIFY || key == SLAVE_IDENTIFICATION ||
-		     key == SLAVE_TEMPLATE) &&
-		    values[key].given)
+		if ((key <= SLAVE_IDENTIFICATION || key == SLAVE_TEMPLATE) && values[key].given)
 			config_error(loader->report, &here,
 				     "has no meaning for slave 0: the broadcast address is never read");
 	}
@@ -486,7 +484,7 @@ static void fill_entry(struct modbus_entry *entry, const struct config_value *va
 static bool make_room_for_expected(struct map_config *config, size_t more)
 {
 	const uint32_t count = map_record_count(config, MODBUS_EXPECTED);
-	struct modbus_expected *before = modbus_expected(config);
+	struct modbus_expected *before = map_records(config, MODBUS_EXPECTED, sizeof(*before));
 	struct modbus_expected *records = reallocarray(before, count + more, sizeof(*records));
 
 	if (records == NULL)

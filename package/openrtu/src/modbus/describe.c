@@ -9,11 +9,9 @@
 #include "modbus/mbap.h"
 #include "modbus/plan.h"
 
-#define COIL_ON        0xFF00
-#define HEAD           2 /* unit, function */
-#define IDENTIFICATION 14
-#define IDENTIFIED_AT  8 /* where an answer's objects begin: number, length, text */
-#define COUNT_NOTE     3 /* behind unit, function and the number of octets */
+#define COIL_ON    0xFF00
+#define HEAD       2 /* unit, function */
+#define COUNT_NOTE 3 /* behind unit, function and the number of octets */
 
 struct words {
 	char *out;
@@ -132,13 +130,13 @@ static size_t fixed_length(uint8_t function)
 /* Its maker, product, version. */
 static void say_identification(struct words *words, const uint8_t *body, size_t length)
 {
-	size_t at = IDENTIFIED_AT;
+	size_t at = MODBUS_IDENTIFIED_OBJECTS;
 
 	say(words, "identification:");
-	for (uint8_t i = 0; i < body[IDENTIFIED_AT - 1] && at + 2 <= length; i++) {
-		const uint8_t *text = body + at + 2;
+	for (uint8_t i = 0; i < body[MODBUS_IDENTIFIED_COUNT] && at + MODBUS_OBJECT_HEAD <= length; i++) {
+		const uint8_t *text = body + at + MODBUS_OBJECT_HEAD;
 
-		at += 2u + body[at + 1];
+		at += MODBUS_OBJECT_HEAD + body[at + 1];
 		say(words, "%s ", i > 0 ? "," : "");
 		for (; text < body + at && text < body + length; text++)
 			say(words, "%c", *text >= ' ' && *text < 0x7F ? *text : '?');
@@ -147,7 +145,7 @@ static void say_identification(struct words *words, const uint8_t *body, size_t 
 
 static bool is_identification(const uint8_t *body, size_t length)
 {
-	return body[1] == MODBUS_ENCAPSULATED && length > HEAD && body[2] == IDENTIFICATION;
+	return body[1] == MODBUS_ENCAPSULATED && length > HEAD && body[2] == MODBUS_IDENTIFICATION;
 }
 
 static void say_request(struct words *words, const uint8_t *body, size_t length)
@@ -188,7 +186,7 @@ static void say_answer(struct words *words, const uint8_t *body, size_t length)
 {
 	const size_t fixed = fixed_length(body[1]);
 
-	if (is_identification(body, length) && length >= IDENTIFIED_AT) {
+	if (is_identification(body, length) && length >= MODBUS_IDENTIFIED_OBJECTS) {
 		say_identification(words, body, length);
 		return;
 	}

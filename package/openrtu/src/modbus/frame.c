@@ -8,11 +8,6 @@
 #define COIL_ON          0xFF00
 #define ECHO_MAX         6 /* of function 22; other writes have 4 */
 
-/* MODBUS Application Protocol V1.1b3, 6.21: device identification. */
-#define IDENTIFICATION     14
-#define IDENTIFIED_COUNT   7 /* where an answer has its number of objects */
-#define IDENTIFIED_OBJECTS 8 /* where they begin: number, length, text */
-
 uint16_t modbus_crc(const uint8_t *bytes, size_t length)
 {
 	uint16_t crc = 0xFFFF;
@@ -95,7 +90,7 @@ static size_t put_echoed(uint8_t *frame, size_t at, const struct modbus_request 
 
 static size_t put_identification(uint8_t *frame, size_t at, const struct modbus_request *request)
 {
-	frame[at++] = IDENTIFICATION;
+	frame[at++] = MODBUS_IDENTIFICATION;
 	return put_word(frame, at, request->address);
 }
 
@@ -143,14 +138,14 @@ size_t modbus_answer_length(const struct modbus_request *request)
 /* Of a body that begins so, as far as that has come. */
 static size_t identification_length(const uint8_t *bytes, size_t length)
 {
-	size_t at = IDENTIFIED_OBJECTS;
+	size_t at = MODBUS_IDENTIFIED_OBJECTS;
 
-	if (length < IDENTIFIED_OBJECTS)
-		return IDENTIFIED_OBJECTS;
-	for (uint8_t i = 0; i < bytes[IDENTIFIED_COUNT]; i++) {
-		if (length < at + 2)
-			return at + 2;
-		at += 2u + bytes[at + 1];
+	if (length < at)
+		return at;
+	for (uint8_t i = 0; i < bytes[MODBUS_IDENTIFIED_COUNT]; i++) {
+		if (length < at + MODBUS_OBJECT_HEAD)
+			return at + MODBUS_OBJECT_HEAD;
+		at += MODBUS_OBJECT_HEAD + bytes[at + 1];
 	}
 	return at;
 }

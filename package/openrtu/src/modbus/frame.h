@@ -40,6 +40,16 @@ enum modbus_function {
 	MODBUS_ENCAPSULATED = 43, /* of what it may carry, device identification alone */
 };
 
+/* Device identification: what function 43 carries here, and where the body of an answer has what (6.21). */
+enum {
+	MODBUS_IDENTIFICATION = 14,
+	MODBUS_IDENTIFIED_MORE = 5,
+	MODBUS_IDENTIFIED_NEXT = 6,
+	MODBUS_IDENTIFIED_COUNT = 7,
+	MODBUS_IDENTIFIED_OBJECTS = 8, /* each: its number, its length, its text */
+	MODBUS_OBJECT_HEAD = 2,
+};
+
 /* How a body becomes a frame. */
 enum modbus_framing {
 	MODBUS_FRAMING_RTU,   /* with a CRC behind it */

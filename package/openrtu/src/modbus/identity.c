@@ -7,14 +7,7 @@
 #define BASIC   1
 #define REGULAR 2
 
-/* Where an answer's body has what. */
-#define MORE_AT    5
-#define NEXT_AT    6
-#define COUNT_AT   7
-#define OBJECTS_AT 8
-#define MORE       0xFF
-
-#define OBJECT_HEAD 2 /* its number and its length */
+#define MORE 0xFF /* objects follow */
 
 #define NAME(name, says) name,
 const char *const modbus_identity_names[MODBUS_IDENTITY_OBJECTS] = {MODBUS_IDENTITY_NAMES(NAME)};
@@ -24,7 +17,7 @@ void modbus_identity_begin(struct modbus_identity *identity)
 	identity->state =
 	    identity->silences >= MODBUS_IDENTITY_SILENCES ? MODBUS_IDENTITY_SILENT : MODBUS_IDENTITY_UNASKED;
 	identity->access = REGULAR;
-	identity->next = identity->requests = 0;
+	identity->next = identity->requests = identity->size = 0;
 }
 
 bool modbus_identity_is_wanted(const struct modbus_identity *identity)
@@ -48,13 +41,13 @@ static bool is_shown(uint8_t octet)
 /* Without what no list could show, and the blanks behind it; as far as there is room. */
 static void keep(struct modbus_identity *identity, uint8_t object, const uint8_t *text, uint8_t length)
 {
-	uint8_t *to = identity->texts + identity->size + OBJECT_HEAD;
+	uint8_t *to = identity->texts + identity->size + MODBUS_OBJECT_HEAD;
 	size_t room = MODBUS_IDENTITY_SIZE - identity->size;
 	uint8_t kept = 0, shown = 0;
 
-	if (object >= MODBUS_IDENTITY_OBJECTS || room < OBJECT_HEAD)
+	if (object >= MODBUS_IDENTITY_OBJECTS || room < MODBUS_OBJECT_HEAD)
 		return;
-	room -= OBJECT_HEAD;
+	room -= MODBUS_OBJECT_HEAD;
 	for (uint8_t i = 0; i < length && kept < MODBUS_IDENTITY_TEXT && kept < room; i++) {
 		if (!is_shown(text[i]))
 			continue;
@@ -66,7 +59,7 @@ static void keep(struct modbus_identity *identity, uint8_t object, const uint8_t
 		return;
 	to[-2] = object;
 	to[-1] = shown;
-	identity->size = (uint8_t)(identity->size + OBJECT_HEAD + shown);
+	identity->size = (uint8_t)(identity->size + MODBUS_OBJECT_HEAD + shown);
 }
 
 static void end(struct modbus_identity *identity, enum modbus_identity_state state)
@@ -77,16 +70,16 @@ static void end(struct modbus_identity *identity, enum modbus_identity_state sta
 
 void modbus_identity_answered(struct modbus_identity *identity, const uint8_t *body)
 {
-	const uint8_t *object = body + OBJECTS_AT;
+	const uint8_t *object = body + MODBUS_IDENTIFIED_OBJECTS;
 
-	if (identity->requests++ == 0)
-		identity->size = 0;
+	identity->requests++;
 	identity->silences = 0;
-	for (uint8_t i = 0; i < body[COUNT_AT]; i++, object += OBJECT_HEAD + object[1])
-		keep(identity, object[0], object + OBJECT_HEAD, object[1]);
-	if (body[MORE_AT] == MORE && body[NEXT_AT] > identity->next &&
-	    body[NEXT_AT] < MODBUS_IDENTITY_OBJECTS && identity->requests < MODBUS_IDENTITY_REQUESTS)
-		identity->next = body[NEXT_AT];
+	for (uint8_t i = 0; i < body[MODBUS_IDENTIFIED_COUNT]; i++, object += MODBUS_OBJECT_HEAD + object[1])
+		keep(identity, object[0], object + MODBUS_OBJECT_HEAD, object[1]);
+	if (body[MODBUS_IDENTIFIED_MORE] == MORE && body[MODBUS_IDENTIFIED_NEXT] > identity->next &&
+	    body[MODBUS_IDENTIFIED_NEXT] < MODBUS_IDENTITY_OBJECTS &&
+	    identity->requests < MODBUS_IDENTITY_REQUESTS)
+		identity->next = body[MODBUS_IDENTIFIED_NEXT];
 	else
 		end(identity, MODBUS_IDENTITY_KNOWN);
 }
@@ -123,11 +116,11 @@ void modbus_identity_text(const uint8_t *texts, size_t size, uint8_t object, cha
 	size_t at = 0;
 
 	out[0] = '\0';
-	while (at + OBJECT_HEAD <= size && at + OBJECT_HEAD + texts[at + 1] <= size) {
+	while (at + MODBUS_OBJECT_HEAD <= size && at + MODBUS_OBJECT_HEAD + texts[at + 1] <= size) {
 		if (texts[at] == object && texts[at + 1] <= MODBUS_IDENTITY_TEXT) {
-			put_text(texts + at + OBJECT_HEAD, texts[at + 1], out);
+			put_text(texts + at + MODBUS_OBJECT_HEAD, texts[at + 1], out);
 			return;
 		}
-		at += OBJECT_HEAD + texts[at + 1];
+		at += MODBUS_OBJECT_HEAD + texts[at + 1];
 	}
 }

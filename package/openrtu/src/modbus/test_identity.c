@@ -145,6 +145,18 @@ static void test_any_texts_are_read_within_their_room(void **state)
 	}
 }
 
+/* Another device may be in its place. */
+static void test_what_was_said_before_it_was_away_is_not_said_by_who_refuses(void **state)
+{
+	(void)state;
+	begin();
+	answer(false, 0, 1, (const uint8_t[]){0}, (const char *const[]){"Maker"});
+	modbus_identity_begin(&identity);
+	modbus_identity_refused(&identity, 1);
+	assert_int_equal(identity.state, MODBUS_IDENTITY_REFUSED);
+	assert_string_equal(text(0), "");
+}
+
 static void test_a_refusal_of_the_regular_ones_asks_for_the_basic_ones(void **state)
 {
 	(void)state;
@@ -182,6 +194,7 @@ int main(void)
 	    cmocka_unit_test(test_more_than_there_is_room_for_is_cut),
 	    cmocka_unit_test(test_any_answer_stays_within_its_room),
 	    cmocka_unit_test(test_any_texts_are_read_within_their_room),
+	    cmocka_unit_test(test_what_was_said_before_it_was_away_is_not_said_by_who_refuses),
 	    cmocka_unit_test(test_a_refusal_of_the_regular_ones_asks_for_the_basic_ones),
 	    cmocka_unit_test(test_silence_is_left_alone),
 	};

@@ -92,12 +92,12 @@ static bool is_same(const struct said *said, const struct modbus_expected *expec
 /* Only of one that says something: a device that does not know the function is none that differs. */
 static json_t *differences(const struct map_config *config, uint32_t device, const struct said *said)
 {
-	const struct modbus_expected *expected = modbus_expected(config);
-	const uint32_t count = map_record_count(config, MODBUS_EXPECTED);
+	uint32_t count;
+	const struct modbus_expected *expected = modbus_expected_of(config, device, &count);
 	json_t *names = json_array();
 
 	for (uint32_t i = 0; said->state == MODBUS_IDENTITY_KNOWN && i < count; i++)
-		if (expected[i].slave == device && !is_same(said, &expected[i]))
+		if (!is_same(said, &expected[i]))
 			json_array_append_new(names, json_string(modbus_identity_names[expected[i].object]));
 	return names;
 }

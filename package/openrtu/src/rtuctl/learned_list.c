@@ -1,18 +1,14 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* The list of what lines have learned of their devices. */
-#include <stdio.h>
-
+#include "rtuctl/learned_list.h"
 #include "modbus/config.h"
 #include "modbus/stats.h"
 #include "rows/learned.h"
 #include "rows/rows.h"
-#include "rtuctl/learned_list.h"
 #include "rtuctl/listing.h"
 #include "rtuctl/rtuctl.h"
 
 #define COUNT(array) (sizeof(array) / sizeof((array)[0]))
-
-#define REFUSED_SIZE 320
 
 static const struct listing_column columns[] = {
     {"port", "PORT", LISTING_RIGHT},
@@ -52,23 +48,12 @@ static void add_refused(json_t *list, const struct modbus_learned_stats *learned
 
 static json_t *refused_text(const struct modbus_learned_stats *learned)
 {
-	char text[REFUSED_SIZE] = "-";
-	json_t *list = json_array();
-	const json_t *words;
-	size_t i, used = 0;
+	json_t *list = json_array(), *text;
 
 	add_refused(list, learned);
-	json_array_foreach(list, i, words)
-	{
-		int length = snprintf(text + used, sizeof(text) - used, "%s%s", i > 0 ? "; " : "",
-				      json_string_value(words));
-
-		if (length < 0 || (size_t)length >= sizeof(text) - used)
-			break;
-		used += (size_t)length;
-	}
+	text = listing_words(list, "; ", "-");
 	json_decref(list);
-	return json_string(text);
+	return text;
 }
 
 static json_t *row_of(const struct map *map, uint32_t index)

@@ -11,7 +11,8 @@
 #include "rtuctl/rtuctl.h"
 #include "rtuctl/terminal.h"
 
-#define GAP 2
+#define GAP       2
+#define LIST_SIZE 320
 
 static void print_json(const json_t *row)
 {
@@ -151,4 +152,23 @@ void listing_end_found(struct listing *listing, bool found)
 		listing_end(listing);
 	else
 		drop(listing);
+}
+
+json_t *listing_words(const json_t *texts, const char *between, const char *none)
+{
+	char words[LIST_SIZE];
+	size_t i, used = 0;
+	const json_t *text;
+
+	snprintf(words, sizeof(words), "%s", none);
+	json_array_foreach(texts, i, text)
+	{
+		int length = snprintf(words + used, sizeof(words) - used, "%s%s", i > 0 ? between : "",
+				      json_string_value(text));
+
+		if (length < 0 || (size_t)length >= sizeof(words) - used)
+			break;
+		used += (size_t)length;
+	}
+	return json_string(words);
 }

@@ -41,4 +41,7 @@ void listing_end_found(struct listing *listing, bool found);
 /* One line of JSON. Takes over the row. */
 void listing_print_json(json_t *row);
 
+/* The texts of a list with `between` between them, as far as there is room; `none` of an empty one. */
+json_t *listing_words(const json_t *texts, const char *between, const char *none);
+
 #endif

@@ -63,10 +63,11 @@ static void check_keeps(const struct map_config *config)
 
 static void check_expected(const struct map_config *config)
 {
-	const struct modbus_expected *expected = modbus_expected(config);
+	const struct modbus_expected *expected = map_records(config, MODBUS_EXPECTED, sizeof(*expected));
 
 	for (uint32_t i = 0; i < map_record_count(config, MODBUS_EXPECTED); i++) {
 		CHECK(expected[i].slave < modbus_slave_count(config));
+		CHECK(i == 0 || expected[i].slave >= expected[i - 1].slave);
 		CHECK(expected[i].object < MODBUS_IDENTITY_OBJECTS);
 		CHECK(memchr(expected[i].text, '\0', sizeof(expected[i].text)) != NULL);
 	}

@@ -74,30 +74,19 @@ static bool plan(struct map_config *config)
 
 /* ---- what is the same in two configurations -------------------------------------------------- */
 
-/* Those of a slave from the record on; NULL: none. */
-static const struct modbus_expected *next_expected(const struct map_config *config, uint32_t slave,
-						   uint32_t *record)
-{
-	const struct modbus_expected *expected = modbus_expected(config);
-
-	for (; *record < map_record_count(config, MODBUS_EXPECTED); ++*record)
-		if (expected[*record].slave == slave)
-			return &expected[(*record)++];
-	return NULL;
-}
-
 static bool same_expected(const struct map_config *a, uint32_t in_a, const struct map_config *b,
 			  uint32_t in_b)
 {
-	uint32_t i = 0, j = 0;
-	const struct modbus_expected *of_a, *of_b;
+	uint32_t count, other;
+	const struct modbus_expected *of_a = modbus_expected_of(a, in_a, &count);
+	const struct modbus_expected *of_b = modbus_expected_of(b, in_b, &other);
 
-	do {
-		of_a = next_expected(a, in_a, &i);
-		of_b = next_expected(b, in_b, &j);
-	} while (of_a != NULL && of_b != NULL && of_a->object == of_b->object &&
-		 strcmp(of_a->text, of_b->text) == 0);
-	return of_a == NULL && of_b == NULL;
+	if (count != other)
+		return false;
+	for (uint32_t i = 0; i < count; i++)
+		if (of_a[i].object != of_b[i].object || strcmp(of_a[i].text, of_b[i].text) != 0)
+			return false;
+	return true;
 }
 
 static bool same_slave(const struct map_config *a, uint32_t in_a, const struct map_config *b, uint32_t in_b)
