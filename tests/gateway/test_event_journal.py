@@ -287,8 +287,12 @@ def test_file_that_is_broken(
         wait_journal(gateway, values.stop - 400)
     cut_power(gateway)
     spoil(file)
+    spoiled = file.read_bytes() if spoil in (cut_head, exchange) else None
     start_again(substation)
     wait_log(gateway, message)
+    kept = file.with_suffix(".unread")
+    assert (kept.read_bytes() if kept.exists() else None) == spoiled
+    kept.unlink(missing_ok=True)
     expected = {SOME: range(400, 403), ALL: range(400, 406), NONE: range(0)}[left]
     if spoil is make_folder:
         wait_log(gateway, f"cannot write in {journal}: Is a directory")

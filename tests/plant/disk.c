@@ -321,6 +321,20 @@ int rename(const char *from, const char *to)
 	return renameat(AT_FDCWD, from, AT_FDCWD, to);
 }
 
+int linkat(int from_folder, const char *from, int to_folder, const char *to, int flags)
+{
+	char from_path[PATH_MAX], to_path[PATH_MAX];
+	int error, result;
+
+	if (!has_disk() || !put_path(from_folder, from, from_path) || !put_path(to_folder, to, to_path))
+		return real.linkat(from_folder, from, to_folder, to, flags);
+	error = refusal("link");
+	result = error ? refused(error) : real.linkat(from_folder, from, to_folder, to, flags);
+	if (result == 0)
+		note("link %s\t%s\n", from_path, to_path);
+	return result;
+}
+
 int unlinkat(int folder, const char *name, int flags)
 {
 	char path[PATH_MAX];

@@ -96,6 +96,9 @@ class Log:
             case "rename":
                 old, new = rest.split("\t")
                 self.enter({old: None, new: self.seen[old]})
+            case "link":
+                old, new = rest.split("\t")
+                self.enter({new: self.seen[old]})
             case "write":
                 number, at, _ = rest.split()
                 self.files[int(number)].waiting.append((int(at), octets))

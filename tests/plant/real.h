@@ -33,6 +33,7 @@ struct timespec;
 	X(int, fsync, (int))                                                                                 \
 	X(int, fdatasync, (int))                                                                             \
 	X(int, renameat, (int, const char *, int, const char *))                                             \
+	X(int, linkat, (int, const char *, int, const char *, int))                                          \
 	X(int, unlinkat, (int, const char *, int))                                                           \
 	X(int, mkdir, (const char *, mode_t))                                                                \
 	X(int, close, (int))                                                                                 \

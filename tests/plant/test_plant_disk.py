@@ -95,10 +95,11 @@ def test_the_judge_sees_what_a_power_cut_must_not_lose(
 
 
 def test_a_disk_that_gives_nothing_is_said(programs: Path, linesim_program: Path, folder: Path) -> None:
-    """The gateway begins without what the journal has."""
+    """The gateway begins without what the journal has, and keeps the file."""
     faults = (CUT, Fault(25.0, "worn", "disk", for_s=10.0), Fault(26.0, "kill", "rtud"))
     ran = run(folder / "worn", 1, *faults)
     assert len(logged(ran, "rtud", "cannot be read")) == 1
+    assert len(logged(ran, "rtud", "it is kept as")) == 1
     assert judge(ran) == []
 
 
@@ -148,6 +149,10 @@ NEWER = "create 8 @/a.new\nwrite 8 0 3\nnew"
                 "rename @/a.new\t@/a\n",
             ),
             lambda left: sorted(map(sorted, left)) == [["a"], ["a", "a.new"]],
+        ),
+        (
+            (CREATED, WRITTEN, "sync 7 @/a\n", "sync 1 @\n", "link @/a\t@/b\n"),
+            lambda left: sorted(map(len, left)) == [1, 2] and {"a": b"same", "b": b"same"} in left,
         ),
         ((CREATED, "sync 1 @\n", "remove @/a\n"), lambda left: {} in left and {"a": b""} in left),
     ],

@@ -101,17 +101,37 @@ static void report(struct map *map, const struct map_kept *kept, const struct jo
 			kept->value_count);
 }
 
-static void restore(struct map *map, const uint8_t *bytes, size_t size)
+/* False: nothing of what there is was restored. */
+static bool restore(struct map *map, const uint8_t *bytes, size_t size)
 {
 	char error[MAP_ERROR_SIZE] = "out of memory";
 	struct journal_findings findings;
 	struct map_kept kept;
+	const bool good =
+	    journal_restore(map, bytes, size, &kept, &findings) && map_restore(map, &kept, error) == 0;
 
-	if (!journal_restore(map, bytes, size, &kept, &findings) || map_restore(map, &kept, error) < 0)
-		map_log(map, MAP_LOG_ERROR, "cannot restore the journal's events: %s", error);
-	else
+	if (good)
 		report(map, &kept, &findings);
+	else
+		map_log(map, MAP_LOG_ERROR, "cannot restore the journal's events: %s", error);
 	journal_forget(&kept);
+	return good && (size == 0 || findings.records != 0);
+}
+
+/*
+ * rtu-journal puts a new file in its place soon. One that is kept already is older: nobody has looked at it yet, and it stays.
+ */
+static void keep_unread(struct map *map, int folder, const char *path)
+{
+	struct stat status;
+
+	if (fstatat(folder, JOURNAL_FILE, &status, AT_SYMLINK_NOFOLLOW) < 0 || !S_ISREG(status.st_mode))
+		return;
+	if (linkat(folder, JOURNAL_FILE, folder, JOURNAL_FILE_UNREAD, 0) == 0 && fsync(folder) == 0)
+		map_log(map, MAP_LOG_WARNING, "it is kept as %s/%s", path, JOURNAL_FILE_UNREAD);
+	else
+		map_log(map, MAP_LOG_ERROR, "it is not kept as %s/%s: %s", path, JOURNAL_FILE_UNREAD,
+			strerror(errno));
 }
 
 void journal_give_folder(struct map *map, const struct map_config *config, uid_t owner, gid_t group)
@@ -135,6 +155,7 @@ void journal_restore_from_file(struct map *map)
 {
 	const struct journal_settings *settings = journal_settings(map_config(map));
 	const int folder = settings == NULL ? -1 : map_open_folder(settings->path);
+	bool restored = false;
 	uint8_t *bytes;
 	size_t size;
 	int error;
@@ -146,7 +167,9 @@ void journal_restore_from_file(struct map *map)
 		map_log(map, MAP_LOG_ERROR, "the journal %s/%s cannot be read: %s", settings->path,
 			JOURNAL_FILE, strerror(error));
 	if (bytes != NULL)
-		restore(map, bytes, size);
+		restored = restore(map, bytes, size);
+	if (error != ENOENT && (error != 0 || !restored))
+		keep_unread(map, folder, settings->path);
 	free(bytes);
 	close(folder);
 }

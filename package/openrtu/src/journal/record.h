@@ -33,9 +33,10 @@
 #include "map/retained.h"
 #include "map/station.h"
 
-#define JOURNAL_FILE         "events"     /* in the journal's folder */
-#define JOURNAL_FILE_NEW     "events.new" /* the next one, until it is whole */
-#define JOURNAL_FILE_MAX     (8u << 20)   /* bytes */
+#define JOURNAL_FILE         "events"        /* in the journal's folder */
+#define JOURNAL_FILE_NEW     "events.new"    /* the next one, until it is whole */
+#define JOURNAL_FILE_UNREAD  "events.unread" /* the one that could not be read at a start */
+#define JOURNAL_FILE_MAX     (8u << 20)      /* bytes */
 #define JOURNAL_HEAD_SIZE    16u
 #define JOURNAL_EVENT_SIZE   28u
 #define JOURNAL_RECORD_LEAST 8u
