@@ -112,7 +112,7 @@ __attribute__((noreturn)) static void lose_power(void)
 	abort();
 }
 
-static void suffer(const struct plant_fault *fault)
+void client_suffer(const struct plant_fault *fault)
 {
 	sigset_t all, own;
 
@@ -152,7 +152,10 @@ void client_call(void)
 	plant->processes[client_self].calls++;
 	client_spin();
 	account_look();
+	stores_look();
 	fault = plant_fault_at(plant, client_self);
-	if (fault)
-		suffer(fault);
+	if (fault && fault->stores)
+		stores_await(fault);
+	else if (fault)
+		client_suffer(fault);
 }

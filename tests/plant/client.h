@@ -22,6 +22,9 @@ void client_begin(void);
 /* At the begin of each call that others may notice: here the process dies or stops, if a fault says so. */
 void client_call(void);
 
+/* It dies, or stops, as the fault says. */
+void client_suffer(const struct plant_fault *fault);
+
 /* A call that takes no time. Who waits for time by asking for it again and again shall see it pass all the same. */
 void client_spin(void);
 
@@ -116,6 +119,15 @@ enum fd_kind { FD_FILE, FD_SOCKET, FD_TERMINAL, FD_OTHER };
 
 enum fd_kind files_kind(int fd);
 void files_forget(unsigned first, unsigned last);
+
+/* ---- memory that others see: stores.c */
+void stores_map(void *memory, size_t size);
+void stores_unmap(const void *memory);
+/* It suffers the fault before its store number fault->stores from now on. */
+void stores_await(const struct plant_fault *fault);
+/* No fault waits any more: in a child, or when its time is over. */
+void stores_forget(void);
+void stores_look(void);
 
 /* ---- what it holds: account.c */
 void account_begin(void);

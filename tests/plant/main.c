@@ -41,7 +41,10 @@ static const char help[] =
     "\n"
     "  end      TIME\n"
     "  start    NAME TIME STDOUT STDERR PROGRAM [ARGUMENT]...\n"
-    "  kill     NAME TIME CALLS          at its call number CALLS from TIME on, if it makes it within 10 s\n"
+    "  kill     NAME TIME CALLS [STORES] at its call number CALLS from TIME on, if it makes it within 10 s, "
+    "or "
+    "before its store\n"
+    "                                    number STORES behind that into memory that others see\n"
     "  power    NAME TIME CALLS          the same, with all others that what started it has brought; the "
     "disk loses what was not synchronised\n"
     "  disk     FOLDER                   is a disk: FOLDER.log says what changes it\n"
@@ -50,7 +53,7 @@ static const char help[] =
     "  worn     TIME TO                  half of what reads it fails\n"
     "  memory   NAME TIME CALLS FOR      it gets none for that long\n"
     "  starve   NAME TIME TO             it gets none until then when it begins\n"
-    "  stop     NAME TIME CALLS FOR      it does not run for that long\n"
+    "  stop     NAME TIME CALLS FOR [STORES]  the same: it does not run for that long\n"
     "  cut      PORT TIME TO             no octet passes the TCP port\n"
     "  lose     PORT TIME                nothing of its connections arrives any more; new ones can be made\n"
     "  delay    PORT LEAST MOST          what is sent over the TCP port is on its way so long, and longer if "
@@ -134,6 +137,10 @@ static void add_fault(enum plant_fault_kind kind, char *words[], size_t count)
 	}
 	if (kind == PLANT_STOP || kind == PLANT_MEMORY)
 		fault->for_ns = ns_of(count > 4 ? words[4] : NULL);
+	if (kind == PLANT_KILL && count > 4)
+		fault->stores = (uint32_t)number_of(words[4]);
+	if (kind == PLANT_STOP && count > 5)
+		fault->stores = (uint32_t)number_of(words[5]);
 	plant->fault_count++;
 }
 
@@ -304,7 +311,11 @@ static void redirect(const char *path, int fd, int flags)
 __attribute__((noreturn)) static void execute(uint32_t process)
 {
 	char preload[PATH_MAX + 20], shared[PATH_MAX + 16], number[32];
+	/* The C library copies memory by the same stores on each host. */
+	static const char tunables[] = PLANT_TUNABLES_VARIABLE
+	    "=glibc.cpu.hwcaps=-AVX2,-AVX512F,-AVX512VL,-ERMS,-FSRM,-AVX_Fast_Unaligned_Load";
 	const char *const environment[] = {preload,
+					   tunables,
 					   shared,
 					   number,
 					   "PATH=/usr/bin:/bin",

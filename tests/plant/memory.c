@@ -48,10 +48,22 @@ void *reallocarray(void *old, size_t count, size_t size)
 
 void *mmap(void *address, size_t size, int protection, int flags, int fd, off_t at)
 {
+	void *memory;
+
 	client_begin();
-	return is_refused()
-		   ? MAP_FAILED
-		   : (void *)real_syscall(SYS_mmap, (long)address, (long)size, protection, flags, fd, at);
+	if (is_refused())
+		return MAP_FAILED;
+	memory = (void *)real_syscall(SYS_mmap, (long)address, (long)size, protection, flags, fd, at);
+	if (plant && memory != MAP_FAILED && flags & MAP_SHARED && protection & PROT_WRITE)
+		stores_map(memory, size);
+	return memory;
+}
+
+int munmap(void *memory, size_t size)
+{
+	client_begin();
+	stores_unmap(memory);
+	return (int)real_syscall(SYS_munmap, (long)memory, (long)size, 0, 0, 0, 0);
 }
 
 #define SAME(name, as) __asm__(#name) __attribute__((alias(#as), copy(name)))

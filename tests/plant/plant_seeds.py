@@ -40,6 +40,7 @@ FAULTS_FROM_S = 10.0
 ALL_FRONTS = 5  # a seed that it divides
 MODULES = ("rtu-modbus-1", "rtu-iec104", "rtud", "rtu-centre")
 CALLS_MAX = 200
+WRITING_PART, STORES_MAX, WRITING_CALLS_MAX = 0.5, 80, 20
 LOST_ONE_OF = 3  # cuts
 BAD_S, QUIET_S = 60.0, 80.0
 KILLS_APART_S = 10.0  # two in one instant of the plant would tell the same twice
@@ -244,6 +245,22 @@ def modules_of(fronts: tuple[Front, ...]) -> tuple[str, ...]:
     return (*MODULES, *(name for front in fronts for name in front.processes))
 
 
+def writes_the_map(process: str) -> bool:
+    return process == "rtud" or (process.startswith("rtu-") and not process.startswith("rtu-centre"))
+
+
+def between_stores(world: World) -> World:
+    """Half of those who write the map die and stop between two of their stores into it."""
+    chance = random.Random(world.seed)
+    faults = tuple(
+        replace(fault, calls=fault.calls % WRITING_CALLS_MAX, stores=chance.randrange(1, STORES_MAX))
+        if fault.kind in ("kill", "stop") and writes_the_map(fault.of) and chance.random() < WRITING_PART
+        else fault
+        for fault in world.faults
+    )
+    return replace(world, faults=faults)
+
+
 def calm(seed: int, seconds: float) -> World:
     """Nothing fails."""
     return World(seed, seconds, Field(random.Random(seed), seconds).changes(mean_s=1.0))
@@ -353,6 +370,10 @@ WORLDS = {"large": large, "storm": storm}
 
 
 def world_of(seed: int, seconds: float, fault_every_s: float = 30.0) -> World:
+    return between_stores(kind_of(seed, seconds, fault_every_s))
+
+
+def kind_of(seed: int, seconds: float, fault_every_s: float) -> World:
     """Each fifth has all fronts. Of six others two are about lines, two far away, one a disk."""
     if seed % ALL_FRONTS == 0:
         return troubled(seed, seconds, fault_every_s, fronts(groups=bool(seed % 2)))

@@ -55,6 +55,16 @@ class Fault:
     for_s: float = 0.0
     late_s: float = 0.0
     by_s: float = 0.0
+    stores: int = 0  # into the map, behind the call
+
+    @property
+    def place(self) -> str:
+        """Where a process dies, or stops."""
+        return (
+            f"before its store {self.stores} behind call {self.calls}"
+            if self.stores
+            else f"at its call {self.calls}"
+        )
 
     @property
     def end_s(self) -> float:
@@ -62,14 +72,14 @@ class Fault:
 
     def __str__(self) -> str:
         what = {
-            "kill": f"{self.of} is killed at its call {self.calls}"
+            "kill": f"{self.of} is killed {self.place}"
             + (f", and begins without memory for {self.for_s:.3f} s" if self.for_s else ""),
             "blackout": f"the gateway loses power at call {self.calls} of {self.of}",
             "full": f"the disk is full for {self.for_s:.3f} s",
             "refuses": f"the disk fails half of what changes it, for {self.for_s:.3f} s",
             "worn": f"the disk fails half of what reads it, for {self.for_s:.3f} s",
             "memory": f"{self.of} gets no memory for {self.for_s:.3f} s from its call {self.calls} on",
-            "stop": f"{self.of} stops for {self.for_s:.3f} s at its call {self.calls}",
+            "stop": f"{self.of} stops for {self.for_s:.3f} s {self.place}",
             "cut": f"TCP port {self.of} is cut for {self.for_s:.3f} s",
             "lost": f"connections to TCP port {self.of} are lost, and nobody is told",
             "power": f"the centre at TCP port {self.of} loses power, and nobody is told",
@@ -402,11 +412,12 @@ class World:
         for fault in self.faults:
             match fault.kind:
                 case "kill":
-                    lines.append(["kill", fault.of, f"{fault.at_s}", f"{fault.calls}"])
+                    lines.append(["kill", fault.of, f"{fault.at_s}", f"{fault.calls}", f"{fault.stores}"])
                     if fault.for_s:
                         lines.append(["starve", fault.of, f"{fault.at_s}", f"{fault.end_s}"])
                 case "stop" | "memory":
-                    lines.append([fault.kind, fault.of, f"{fault.at_s}", f"{fault.calls}", f"{fault.for_s}"])
+                    words = [fault.kind, fault.of, f"{fault.at_s}", f"{fault.calls}", f"{fault.for_s}"]
+                    lines.append([*words, f"{fault.stores}"] if fault.kind == "stop" else words)
                 case "cut":
                     lines.append(["cut", fault.of, f"{fault.at_s}", f"{fault.end_s}"])
                 case "blackout":

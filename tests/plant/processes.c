@@ -13,12 +13,12 @@
 
 #include "client.h"
 
-#define OWN_VARIABLES 3
+#define OWN_VARIABLES 4
 #define VARIABLES_MAX 256
 #define VARIABLE_SIZE 512
 
-static const char *const own_names[OWN_VARIABLES] = {"LD_PRELOAD", PLANT_SHARED_VARIABLE,
-						     PLANT_PROCESS_VARIABLE};
+static const char *const own_names[OWN_VARIABLES] = {"LD_PRELOAD", PLANT_TUNABLES_VARIABLE,
+						     PLANT_SHARED_VARIABLE, PLANT_PROCESS_VARIABLE};
 
 pid_t fork(void)
 {
@@ -39,6 +39,7 @@ pid_t fork(void)
 	pid = real.fork();
 	if (pid == 0) {
 		client_self = child;
+		stores_forget();
 		plant->processes[child].pid = getpid();
 		atomic_store(&plant->processes[child].attached, 1);
 		plant_take(plant, client_self);
@@ -72,7 +73,8 @@ static void put_environment(char *const old[], char *out[VARIABLES_MAX],
 		out[count++] = own[i];
 	}
 	for (; *old && count < VARIABLES_MAX - 1; old++)
-		if (strncmp(*old, "LD_PRELOAD=", 11) != 0 && strncmp(*old, "PLANT_", 6) != 0)
+		if (strncmp(*old, "LD_PRELOAD=", 11) != 0 && strncmp(*old, "PLANT_", 6) != 0 &&
+		    strncmp(*old, PLANT_TUNABLES_VARIABLE "=", sizeof(PLANT_TUNABLES_VARIABLE)) != 0)
 			out[count++] = *old;
 	out[count] = NULL;
 }

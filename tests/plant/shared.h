@@ -30,8 +30,9 @@
 #define PLANT_NS        INT64_C(1000000000)
 #define PLANT_BEGIN_NS  (1000 * PLANT_NS) /* a clock of 0 is one that never ran, to some */
 
-#define PLANT_SHARED_VARIABLE  "PLANT_SHARED"
-#define PLANT_PROCESS_VARIABLE "PLANT_PROCESS"
+#define PLANT_SHARED_VARIABLE   "PLANT_SHARED"
+#define PLANT_PROCESS_VARIABLE  "PLANT_PROCESS"
+#define PLANT_TUNABLES_VARIABLE "GLIBC_TUNABLES"
 
 struct plant_process {
 	_Atomic uint32_t has_baton; /* a futex */
@@ -64,8 +65,8 @@ enum plant_fault_kind {
 };
 
 /*
- * From from_ns on: a process dies, or stops for for_ns, at its call number calls, if it makes it before to_ns; or no octet passes a
- * TCP port, or the disk has that until to_ns.
+ * From from_ns on: a process dies, or stops for for_ns, at its call number calls, if it makes it before to_ns, or before its store
+ * number stores behind that; or no octet passes a TCP port, or the disk has that until to_ns.
  */
 struct plant_fault {
 	enum plant_fault_kind kind;
@@ -73,6 +74,7 @@ struct plant_fault {
 	bool counts; /* first_call is set */
 	char name[PLANT_NAME_SIZE];
 	uint16_t port;
+	uint32_t stores; /* 0: at the call */
 	uint64_t calls;
 	uint64_t first_call;
 	int64_t from_ns;

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Between two stores into memory that others see, a process may die or stop (docs/plant.md)."""
+
+import platform
+from pathlib import Path
+
+import pytest
+
+from plant_seeds import between_stores, troubled
+from plant_trials import run_script
+
+STORES = """
+import mmap, os, time
+file = os.open("{file}", os.O_RDWR | os.O_CREAT)
+os.ftruncate(file, 4096)
+shared = mmap.mmap(file, 4096)
+child = os.fork()
+time.sleep(2 if child else 1)
+if child:
+    print(shared[:8].hex(), flush=True)
+    time.sleep(30)
+    print(shared[:8].hex(), flush=True)
+else:
+    time.sleep(0.1)
+    for place in range(8):
+        shared[place] = place + 1
+"""
+DYING, STOPPING = "kill\tscript\t0.5\t0\t{}\n", "stop\tscript\t0.5\t0\t10\t{}\n"
+
+pytestmark = pytest.mark.skipif(platform.machine() != "x86_64", reason="nothing lets one store alone through")
+
+
+@pytest.mark.parametrize(
+    ("stores", "seen"), [(1, "0000000000000000"), (5, "0102030400000000"), (8, "0102030405060700")]
+)
+def test_a_process_dies_before_a_store(programs: Path, tmp_path: Path, stores: int, seen: str) -> None:
+    ran = run_script(tmp_path, STORES.format(file=tmp_path / "shared"), DYING.format(stores))
+    assert (ran.returncode, ran.stderr) == (0, "")
+    assert (tmp_path / "out").read_text().split() == [seen, seen]
+
+
+def test_a_process_stops_before_a_store_and_goes_on(programs: Path, tmp_path: Path) -> None:
+    ran = run_script(tmp_path, STORES.format(file=tmp_path / "shared"), STOPPING.format(4))
+    assert (ran.returncode, ran.stderr) == (0, "")
+    assert (tmp_path / "out").read_text().split() == ["0102030000000000", "0102030405060708"]
+
+
+def test_half_of_those_who_write_the_map_fail_between_two_stores() -> None:
+    world = between_stores(troubled(7, 3600.0, 10.0))
+    failing = [fault for fault in world.faults if fault.kind in ("kill", "stop")]
+    assert not any(fault.stores for fault in failing if fault.of == "rtu-centre")
+    at_stores = [fault for fault in failing if fault.stores]
+    assert 0.2 < len(at_stores) / len(failing) < 0.6
+    assert "before its store " in str(at_stores[0])
