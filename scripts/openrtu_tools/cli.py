@@ -54,6 +54,7 @@ TOOLS = {
     ),
     "poll": Tool("openrtu_tools.modbus.poll", "read again and again, and print what changes"),
     "scan": Tool("openrtu_tools.modbus.scan", "find Modbus devices on serial ports or at TCP addresses"),
+    "devices": Tool("openrtu_tools.devices", "list, search and show the templates of devices"),
     "snmp-keys": Tool("openrtu_tools.snmp_keys", "make the keys of rtu-snmp"),
     "web-users": Tool("openrtu_tools.web_users", "add, change or remove a user of rtu-web"),
     "centre": Tool("openrtu_tools.centre.cli", "run the control centre, and what belongs to it", "centre"),

@@ -70,13 +70,12 @@ def test_the_plant_has_3_lines_20_devices_and_186_points(programs: Path) -> None
 def test_templates_that_come_with_it_are_good(programs: Path, tmp_path: Path, path: Path) -> None:
     shipped = json.loads(path.read_text())
     slaves = [
-        {"id": 1 + i, "template": name, "name_prefix": f"{name}/"}
-        for i, name in enumerate(shipped["templates"])
+        {"id": 1 + i, "template": name, "name_prefix": f"{i}/"} for i, name in enumerate(shipped["templates"])
     ]
     file = write(tmp_path / "gateway.json", plant_of(*slaves, include=[str(path)]))
     result = rtud(programs, "--check", file)
     assert (result.returncode, result.stderr) == (0, "")
-    assert len(shipped["about"]) > 100  # where its addresses are from
+    assert shipped["about"]["sources"]  # where its addresses are from
 
 
 def test_an_instance_overrides_leaves_out_and_adds(programs: Path, tmp_path: Path) -> None:

@@ -28,9 +28,7 @@ EVERYWHERE = {
     "rtu-iec61850",
     "rtu-logic",
     "rtu-synch",
-    "relay.json",
-    "sdm630.json",
-    "sunspec.json",
+    *(path.name for path in (SOURCES / "templates").iterdir()),
 }
 LIBRARY = {"libopenrtu.so", "libopenrtu.so.0", "openrtu.h", "openrtu.pc"}
 EVERYWHERE |= LIBRARY

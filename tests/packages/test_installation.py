@@ -32,7 +32,7 @@ MODULES = {
     "rtu-web",
 }
 DESK = {"logic-desk", "journal-events"}
-TEMPLATES = {"relay.json", "sdm630.json", "sunspec.json"}
+TEMPLATES = {path.name for path in (ROOT / "package/openrtu/src/templates").iterdir()}
 PAGES = {"rtuctl.1", "rtu-centre.1", "rtud.8", *(f"{name}.8" for name in MODULES)}
 TOOLS_PAGES = {"openrtu.1", "nuc980-pins.1", "nuc980-netboot.1"}
 # libopenrtu, where this machine's architecture has its libraries.
