@@ -217,7 +217,7 @@ def test_its_device_is_commanded(library: Library, name: str) -> None:
             assert library.lines.get(place, "coils", address) == 1
             continue
         value = commanded(one)
-        library.gateway.ctl("set", point, f"{value:g}")
+        library.gateway.ctl("set", *(["--select"] if one.get("select") else []), point, f"{value:g}")
         raw = (value - one.get("offset", 0)) / one.get("scale", 1)
         wanted = registers_of(one, raw if "float" in format_of(one) else round(raw))
         read = [library.lines.get(place, "holding_registers", address + i) for i in range(len(wanted))]
