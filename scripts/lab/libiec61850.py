@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """libiec61850's client: its calls hold Python's lock, so it runs in a process of its own."""
 
+import ctypes
 import sys
 from typing import Any
 
@@ -38,3 +39,9 @@ def connected(port: int) -> Any:
             return connection
         lib.IedConnection_destroy(connection)
     sys.exit("no association takes a request")
+
+
+def close(connection: Any) -> None:
+    """While Python's lock is free: a report that comes now takes it, and the closing waits for the report."""
+    library = ctypes.CDLL(lib._pyiec61850.__file__)
+    library.IedConnection_close(ctypes.c_void_p(int(connection)))

@@ -17,7 +17,7 @@ from typing import Any
 from pyiec61850 import pyiec61850 as lib
 
 from lab.errors import LabError
-from lab.libiec61850 import check, connected, texts_of
+from lab.libiec61850 import check, close, connected, texts_of
 from lab.patience import Deadline, slowness
 
 ANSWER_S = 10.0
@@ -150,7 +150,7 @@ def main() -> None:
         if reports:
             outcomes["report"] = reports.changed()
     print(json.dumps(outcomes | {"terminations": handler.seen}), flush=True)
-    lib.IedConnection_close(connection)
+    close(connection)
 
 
 if __name__ == "__main__":

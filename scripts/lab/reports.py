@@ -11,7 +11,7 @@ from typing import Any
 
 from pyiec61850 import pyiec61850 as lib
 
-from lab.libiec61850 import check, connected, texts_of
+from lab.libiec61850 import check, close, connected, texts_of
 from lab.patience import Deadline
 
 SEEN_S = 60.0  # for a hang only
@@ -72,7 +72,7 @@ def main() -> None:
         time.sleep(REST_S)
     print(json.dumps(reports.changed()), flush=True)
     sys.stdin.read()
-    lib.IedConnection_close(connection)
+    close(connection)
 
 
 if __name__ == "__main__":
