@@ -341,6 +341,7 @@ def test_image_itself_without_a_site(boot: Any) -> None:
     folder = ROOT / "build/system"
     linux = boot(*INSTRUCTION_TIME, kernel=Kernel(folder / "uImage", folder / "nuc980-gateway.dtb"))
     assert "rdinit=/init panic=10" in linux.run("cat /proc/cmdline")
+    assert linux.run("cat /proc/sys/kernel/randomize_va_space") == "2"
     assert linux.run("netstat -lntu").splitlines()[2:] == []
     assert linux.try_to("pidof dropbear rtud")[0] != 0
     assert "172.16.0.50/12" in linux.run("ip address show dev eth0")
