@@ -22,7 +22,7 @@ from plant_world import GATEWAY, REPOSITORY, PlantError, World, run
 FAULTS = Path(__file__).with_name("faults")
 BUILD = REPOSITORY / "build" / "plant-faults"
 TARGETS = ("rtud/rtud", "modules/rtu-modbus", "modules/rtu-iec104", "centre/rtu-centre", "rtuctl/rtuctl")
-OF_FRONTS = tuple(f"modules/rtu-{name}" for name in ("goose", "iec61850", "journal", "logic", "snmp"))
+OF_FRONTS = tuple(f"modules/rtu-{name}" for name in ("104m", "goose", "iec61850", "journal", "logic", "snmp"))
 SECONDS = 300.0
 FAULT_EVERY_S = 8.0
 CPU_S = 600.0

@@ -14,6 +14,7 @@ from front_journal import Journal
 from front_logic import Logic
 from front_masters import SecondMaster
 from front_mms import Mms
+from front_outstation import Outstation
 from front_snmp import Snmp
 from front_strangers import Strangers
 from plant_history import CALL_WITHIN_S
@@ -349,7 +350,7 @@ def far(seed: int, seconds: float, fault_every_s: float = 8.0) -> World:
 
 
 def fronts(groups: bool) -> tuple[Front, ...]:
-    return (SecondMaster(groups), Logic(), Journal(), Counter(), Snmp(), Mms(), Goose())
+    return (SecondMaster(groups), Logic(), Journal(), Counter(), Snmp(), Mms(), Goose(), Outstation())
 
 
 def large(seed: int, seconds: float) -> World:
