@@ -41,10 +41,13 @@ static const char help[] =
     "\n"
     "  end      TIME\n"
     "  start    NAME TIME STDOUT STDERR PROGRAM [ARGUMENT]...\n"
-    "  kill     NAME TIME CALLS [STORES] at its call number CALLS from TIME on, if it makes it within 10 s, "
-    "or "
-    "before its store\n"
-    "                                    number STORES behind that into memory that others see\n"
+    "  kill     NAME TIME CALLS [STORES [rare]]  at its call number CALLS from TIME on, if it makes it "
+    "within "
+    "10 s,\n"
+    "                                    or before its store number STORES behind that into memory that "
+    "others "
+    "see;\n"
+    "                                    rare: after a second, and into what is not written often\n"
     "  power    NAME TIME CALLS          the same, with all others that what started it has brought; the "
     "disk loses what was not synchronised\n"
     "  disk     FOLDER                   is a disk: FOLDER.log says what changes it\n"
@@ -53,7 +56,7 @@ static const char help[] =
     "  worn     TIME TO                  half of what reads it fails\n"
     "  memory   NAME TIME CALLS FOR      it gets none for that long\n"
     "  starve   NAME TIME TO             it gets none until then when it begins\n"
-    "  stop     NAME TIME CALLS FOR [STORES]  the same: it does not run for that long\n"
+    "  stop     NAME TIME CALLS FOR [STORES [rare]]  the same: it does not run for that long\n"
     "  cut      PORT TIME TO             no octet passes the TCP port\n"
     "  lose     PORT TIME                nothing of its connections arrives any more; new ones can be made\n"
     "  delay    PORT LEAST MOST          what is sent over the TCP port is on its way so long, and longer if "
@@ -117,6 +120,13 @@ static void add_start(char *words[], size_t count)
 	plant_name(plant, process, words[1]);
 }
 
+static void add_stores(struct plant_fault *fault, char *words[])
+{
+	if (words[0])
+		fault->stores = (uint32_t)number_of(words[0]);
+	fault->rare = words[0] && words[1];
+}
+
 static void add_fault(enum plant_fault_kind kind, char *words[], size_t count)
 {
 	struct plant_fault *fault = &plant->faults[plant->fault_count];
@@ -137,10 +147,10 @@ static void add_fault(enum plant_fault_kind kind, char *words[], size_t count)
 	}
 	if (kind == PLANT_STOP || kind == PLANT_MEMORY)
 		fault->for_ns = ns_of(count > 4 ? words[4] : NULL);
-	if (kind == PLANT_KILL && count > 4)
-		fault->stores = (uint32_t)number_of(words[4]);
-	if (kind == PLANT_STOP && count > 5)
-		fault->stores = (uint32_t)number_of(words[5]);
+	if (kind == PLANT_KILL)
+		add_stores(fault, words + 4);
+	if (kind == PLANT_STOP)
+		add_stores(fault, words + 5);
 	plant->fault_count++;
 }
 

@@ -41,7 +41,8 @@ FAULTS_FROM_S = 10.0
 ALL_FRONTS = 5  # a seed that it divides
 MODULES = ("rtu-modbus-1", "rtu-iec104", "rtud", "rtu-centre")
 CALLS_MAX = 200
-WRITING_PART, STORES_MAX, WRITING_CALLS_MAX = 0.5, 80, 20
+WRITING_PART, WRITING_CALLS_MAX = 0.5, 20
+STORES_MAX, RARE_MAX, RARE_PART = 1000, 24, 0.7
 LOST_ONE_OF = 3  # cuts
 BAD_S, QUIET_S = 60.0, 80.0
 KILLS_APART_S = 10.0  # two in one instant of the plant would tell the same twice
@@ -250,11 +251,18 @@ def writes_the_map(process: str) -> bool:
     return process == "rtud" or (process.startswith("rtu-") and not process.startswith("rtu-centre"))
 
 
+def at_a_store(chance: random.Random, fault: Fault) -> Fault:
+    """Most stores are into what counts something: those into anything else are seldom hit by their number."""
+    rare = chance.random() < RARE_PART
+    stores = chance.randrange(1, RARE_MAX) if rare else round(STORES_MAX ** chance.random())
+    return replace(fault, calls=fault.calls % WRITING_CALLS_MAX, stores=stores, rare=rare)
+
+
 def between_stores(world: World) -> World:
     """Half of those who write the map die and stop between two of their stores into it."""
     chance = random.Random(world.seed)
     faults = tuple(
-        replace(fault, calls=fault.calls % WRITING_CALLS_MAX, stores=chance.randrange(1, STORES_MAX))
+        at_a_store(chance, fault)
         if fault.kind in ("kill", "stop") and writes_the_map(fault.of) and chance.random() < WRITING_PART
         else fault
         for fault in world.faults

@@ -56,15 +56,19 @@ class Fault:
     late_s: float = 0.0
     by_s: float = 0.0
     stores: int = 0  # into the map, behind the call
+    rare: bool = False  # of them those into what is not written often
 
     @property
     def place(self) -> str:
         """Where a process dies, or stops."""
-        return (
-            f"before its store {self.stores} behind call {self.calls}"
-            if self.stores
-            else f"at its call {self.calls}"
-        )
+        if not self.stores:
+            return f"at its call {self.calls}"
+        return f"before its {'rare ' * self.rare}store {self.stores} behind call {self.calls}"
+
+    @property
+    def at_stores(self) -> list[str]:
+        """As the runner reads it."""
+        return [f"{self.stores}", *(["rare"] if self.rare else [])] if self.stores else []
 
     @property
     def end_s(self) -> float:
@@ -412,12 +416,12 @@ class World:
         for fault in self.faults:
             match fault.kind:
                 case "kill":
-                    lines.append(["kill", fault.of, f"{fault.at_s}", f"{fault.calls}", f"{fault.stores}"])
+                    lines.append(["kill", fault.of, f"{fault.at_s}", f"{fault.calls}", *fault.at_stores])
                     if fault.for_s:
                         lines.append(["starve", fault.of, f"{fault.at_s}", f"{fault.end_s}"])
                 case "stop" | "memory":
                     words = [fault.kind, fault.of, f"{fault.at_s}", f"{fault.calls}", f"{fault.for_s}"]
-                    lines.append([*words, f"{fault.stores}"] if fault.kind == "stop" else words)
+                    lines.append([*words, *fault.at_stores])
                 case "cut":
                     lines.append(["cut", fault.of, f"{fault.at_s}", f"{fault.end_s}"])
                 case "blackout":

@@ -75,6 +75,7 @@ struct plant_fault {
 	char name[PLANT_NAME_SIZE];
 	uint16_t port;
 	uint32_t stores; /* 0: at the call */
+	bool rare;       /* of stores: those into what is not written often */
 	uint64_t calls;
 	uint64_t first_call;
 	int64_t from_ns;

@@ -1,10 +1,12 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /*
  * Between two stores into memory that others see: a process may die or stop there. While a fault waits for such a store, that
- * memory is read-only: a store is a SIGSEGV, which is counted and let through alone, by a step of one instruction.
+ * memory is read-only: a store is a SIGSEGV, which is counted and let through alone, by a step of one instruction. Most are into
+ * what counts something. For a rare one it waits a second, and a page that was written often counts no more.
  */
 #include <errno.h>
 #include <stdlib.h>
+#include <string.h>
 #include <sys/mman.h>
 #include <sys/syscall.h>
 #include <ucontext.h>
@@ -13,6 +15,10 @@
 
 #define SEGMENTS  64
 #define TRAP_FLAG 0x100
+#define PAGE      4096u
+#define PAGES     4096u /* each has a place in a table; another one has the same, seldom */
+#define OFTEN     64u
+#define RARE_NS   PLANT_NS
 
 struct segment {
 	uint8_t *memory;
@@ -21,7 +27,6 @@ struct segment {
 
 static struct segment segments[SEGMENTS];
 static const struct plant_fault *waiting; /* for its store */
-static uint32_t stores;
 
 static void protect(int protection)
 {
@@ -60,26 +65,56 @@ static bool is_shared(const uint8_t *address)
 	return false;
 }
 
-static void step(void *context, bool begins)
-{
-	greg_t *flags = &((ucontext_t *)context)->uc_mcontext.gregs[REG_EFL];
+static uint32_t stores;
+static int64_t since_ns;
+static uint8_t written[PAGES];
+static uint8_t *opened[2]; /* pages: a store may be into two */
 
-	*flags = begins ? *flags | TRAP_FLAG : *flags & ~(greg_t)TRAP_FLAG;
-	protect(begins ? PROT_READ | PROT_WRITE : PROT_READ);
+static void protect_page(uint8_t *page, int protection)
+{
+	real_syscall(SYS_mprotect, (long)page, PAGE, protection, 0, 0, 0);
+}
+
+static void let_through(uint8_t *page, void *context)
+{
+	protect_page(page, PROT_READ | PROT_WRITE);
+	opened[opened[0] != NULL] = page;
+	((ucontext_t *)context)->uc_mcontext.gregs[REG_EFL] |= TRAP_FLAG;
+}
+
+/* False: its page is written often, and stays writable. */
+static bool is_rare(uint8_t *page)
+{
+	uint8_t *times = &written[(uintptr_t)page / PAGE % PAGES];
+
+	if (*times < OFTEN)
+		(*times)++;
+	if (*times < OFTEN)
+		return true;
+	protect_page(page, PROT_READ | PROT_WRITE);
+	return false;
+}
+
+static bool is_the_one(const struct plant_fault *fault)
+{
+	return (!fault->rare || plant->now_ns - since_ns >= RARE_NS) && ++stores >= fault->stores;
 }
 
 static void on_store(int number, siginfo_t *info, void *context)
 {
 	const struct plant_fault *fault = waiting;
+	uint8_t *page = (uint8_t *)((uintptr_t)info->si_addr & ~(uintptr_t)(PAGE - 1));
 	const int error = errno;
 
 	if (!fault || !is_shared(info->si_addr)) {
 		signal(number, SIG_DFL); /* a fault of its own, which comes again */
-	} else if (++stores < fault->stores) {
-		step(context, true);
-	} else {
-		stores_forget();
-		client_suffer(fault);
+	} else if (!fault->rare || is_rare(page)) {
+		if (!is_the_one(fault)) {
+			let_through(page, context);
+		} else {
+			stores_forget();
+			client_suffer(fault);
+		}
 	}
 	errno = error;
 }
@@ -88,7 +123,11 @@ static void on_stored(int number, siginfo_t *info, void *context)
 {
 	(void)number;
 	(void)info;
-	step(context, false);
+	for (unsigned i = 0; i < 2; i++)
+		if (opened[i])
+			protect_page(opened[i], PROT_READ);
+	opened[0] = opened[1] = NULL;
+	((ucontext_t *)context)->uc_mcontext.gregs[REG_EFL] &= ~(greg_t)TRAP_FLAG;
 }
 
 static void handle(int number, void (*handler)(int, siginfo_t *, void *))
@@ -107,6 +146,8 @@ void stores_await(const struct plant_fault *fault)
 {
 	waiting = fault;
 	stores = 0;
+	since_ns = plant->now_ns;
+	memset(written, 0, sizeof(written));
 	handle(SIGSEGV, on_store);
 	handle(SIGTRAP, on_stored);
 	protect(PROT_READ);
