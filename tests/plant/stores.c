@@ -2,7 +2,7 @@
 /*
  * Between two stores into memory that others see: a process may die or stop there. While a fault waits for such a store, that
  * memory is read-only: a store is a SIGSEGV, which is counted and let through alone, by a step of one instruction. Most are into
- * what counts something. For a rare one it waits a second, and a page that was written often counts no more.
+ * what counts something. For a rare one it waits a second; a page that was written often meanwhile does not count.
  */
 #include <errno.h>
 #include <stdlib.h>
@@ -17,7 +17,7 @@
 #define TRAP_FLAG 0x100
 #define PAGE      4096u
 #define PAGES     4096u /* each has a place in a table; another one has the same, seldom */
-#define OFTEN     64u
+#define OFTEN     12u
 #define RARE_NS   PLANT_NS
 
 struct segment {
@@ -82,14 +82,17 @@ static void let_through(uint8_t *page, void *context)
 	((ucontext_t *)context)->uc_mcontext.gregs[REG_EFL] |= TRAP_FLAG;
 }
 
+static bool is_of_the_first_second(void)
+{
+	return plant->now_ns - since_ns < RARE_NS;
+}
+
 /* False: its page is written often, and stays writable. */
 static bool is_rare(uint8_t *page)
 {
 	uint8_t *times = &written[(uintptr_t)page / PAGE % PAGES];
 
-	if (*times < OFTEN)
-		(*times)++;
-	if (*times < OFTEN)
+	if (!is_of_the_first_second() || ++*times < OFTEN)
 		return true;
 	protect_page(page, PROT_READ | PROT_WRITE);
 	return false;
@@ -97,7 +100,7 @@ static bool is_rare(uint8_t *page)
 
 static bool is_the_one(const struct plant_fault *fault)
 {
-	return (!fault->rare || plant->now_ns - since_ns >= RARE_NS) && ++stores >= fault->stores;
+	return !(fault->rare && is_of_the_first_second()) && ++stores >= fault->stores;
 }
 
 static void on_store(int number, siginfo_t *info, void *context)
