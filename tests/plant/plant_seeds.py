@@ -15,6 +15,7 @@ from front_logic import Logic
 from front_masters import SecondMaster
 from front_mms import Mms
 from front_outstation import Outstation
+from front_queue import ShortQueue
 from front_snmp import Snmp
 from front_strangers import Strangers
 from plant_history import CALL_WITHIN_S
@@ -39,6 +40,7 @@ from plant_world import (
 
 FAULTS_FROM_S = 10.0
 ALL_FRONTS = 5  # a seed that it divides
+OVERFULL, OVERFULL_FIRST = 12, 7
 MODULES = ("rtu-modbus-1", "rtu-iec104", "rtud", "rtu-centre")
 CALLS_MAX = 200
 WRITING_PART, WRITING_CALLS_MAX = 0.5, 20
@@ -61,6 +63,8 @@ CLOSED_APART_S = 2.0
 CONNECTED_S = 20.0  # by then a connection over GPRS is made: what was before is no event
 SESSION_LONGEST_S = 30.0
 BESIDE_A_LEAP_S = 3.0  # rtud has to be there to see it
+AWAY_S, AWAY_PART = (30.0, 90.0), 0.2
+QUEUED_EACH_S = 0.25  # changes: a short queue is full within half a minute
 STARVED_S, STARVED_PART = 8.0, 0.5
 REFUSED_EACH_S = (10.0, 40.0)
 STORM_S = (10.0, 25.0)
@@ -135,6 +139,11 @@ class Field:
         if kind == "blackout":
             return Fault(at_s, kind, self.random.choice(STORING), self.random.randrange(STORING_CALLS))
         return Fault(at_s, kind, "disk", for_s=round(DISK_LONGEST_S * self.random.random() ** 2, 3))
+
+    def queued_fault(self, at_s: float) -> Fault:
+        if self.random.random() < AWAY_PART:
+            return Fault(at_s, "cut", f"{PORT}", for_s=round(self.random.uniform(*AWAY_S), 3))
+        return self.fault(at_s)
 
     def stored_fault(self, at_s: float) -> Fault:
         return self.random.choice((self.fault, self.disk_fault))(at_s)
@@ -340,6 +349,14 @@ def stored(seed: int, seconds: float, fault_every_s: float = 30.0) -> World:
     return without_memory(with_storms(world), modules_of(disk))
 
 
+def overfull(seed: int, seconds: float, fault_every_s: float = 30.0) -> World:
+    """The centre is away for longer than its queue has room for."""
+    of_seed = Field(random.Random(seed), seconds)
+    changes = of_seed.changes(mean_s=QUEUED_EACH_S)
+    faults = of_seed.made_by(of_seed.queued_fault, fault_every_s)
+    return World(seed, seconds, changes, faults, fronts=(ShortQueue(),))
+
+
 def restless(seed: int, seconds: float, fault_every_s: float = 8.0) -> World:
     """Devices are silent or late, lines are unplugged, the host is busy; then all is well for some time."""
     of_seed = Field(random.Random(seed), seconds)
@@ -386,6 +403,8 @@ def kind_of(seed: int, seconds: float, fault_every_s: float) -> World:
     """Each fifth has all fronts. Of six others two are about lines, two far away, one a disk."""
     if seed % ALL_FRONTS == 0:
         return troubled(seed, seconds, fault_every_s, fronts(groups=bool(seed % 2)))
+    if seed % OVERFULL == OVERFULL_FIRST:
+        return overfull(seed, seconds, fault_every_s)
     match seed % 6:
         case 0 | 3:
             return restless(seed, seconds)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """An outstation below a gateway in the plant (docs/plant.md): events go on, and its state is told last."""
 
-from dataclasses import replace
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -103,8 +103,9 @@ def with_no_end(lines: Lines) -> Lines:
         (with_no_end, "recovery"),
     ],
 )
-def test_the_judge_sees_what_must_not_be(cut: Run, tmp_path: Path, spoil: object, rule: str) -> None:
-    assert callable(spoil)
+def test_the_judge_sees_what_must_not_be(
+    cut: Run, tmp_path: Path, spoil: Callable[[Lines], Lines], rule: str
+) -> None:
     spoiled = spoiled_copy(cut, tmp_path, "consumer", spoil(cut.told("consumer")))
-    found = judge(replace(spoiled))
+    found = judge(spoiled)
     assert rule in {violation.rule for violation in found if POINT in violation.text}
