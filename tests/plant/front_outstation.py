@@ -77,10 +77,20 @@ class Below:
         self.history = history
 
     @cached_property
+    def lines(self) -> list[dict[str, Any]]:
+        return self.history.run.told(OUTSTATION)
+
+    @cached_property
     def held(self) -> list[tuple[float, int]]:
         """From when on which value."""
-        lines = self.history.run.told(OUTSTATION)
-        return [(float("-inf"), 0), *((seconds(line["at"]), line["held"]) for line in lines)]
+        changes = [(seconds(line["at"]), line["held"]) for line in self.lines if "held" in line]
+        return [(float("-inf"), 0), *changes]
+
+    @cached_property
+    def away(self) -> list[tuple[float, float]]:
+        """When it had hung up."""
+        lines = [line for line in self.lines if "away_until" in line]
+        return [(seconds(line["at"]), seconds(line["away_until"])) for line in lines]
 
     @cached_property
     def told(self) -> list[Told]:
@@ -90,6 +100,7 @@ class Below:
         """From when on what was told last must be what it has had since from_s."""
         of = (PROCESS, "rtud", f"{STATION_PORT}", "rtu-iec104", CENTRE, f"{PORT}")
         ends = [ends_s(fault) for fault in self.history.faults if fault.of in of and fault.at_s < to_s]
+        ends += [end_s for begin_s, end_s in self.away if begin_s < to_s]
         return max([from_s, *ends]) + SETTLES_S
 
     @cached_property
@@ -101,7 +112,8 @@ class Below:
     def troubled(self) -> list[tuple[float, float]]:
         """When it may not be heard."""
         faults = [fault for fault in self.history.faults if fault.of in (PROCESS, "rtud", f"{STATION_PORT}")]
-        return [(fault.at_s, ends_s(fault) + AFTER_S) for fault in faults]
+        times = [*((fault.at_s, ends_s(fault)) for fault in faults), *self.away]
+        return [(begin_s, end_s + AFTER_S) for begin_s, end_s in times]
 
     def held_within(self, value: int, from_s: float, to_s: float) -> bool:
         ends = [since_s for since_s, _ in self.held[1:]] + [float("inf")]
@@ -128,7 +140,7 @@ def values_are_good(below: Below) -> Iterator[Violation]:
     for told in below.told:
         at_s = told.at_s if told.tag_s is None else told.tag_s
         from_s = at_s - AGE_S - below.history.delay_s(told.at_s)
-        if not told.good and at_s > CHANGES_FROM_S and not overlaps(below.troubled, from_s, at_s):
+        if not told.good and at_s > CHANGES_FROM_S and not overlaps(below.troubled, from_s, at_s + NEXT_S):
             yield Violation("good", told.at_s, f"{POINT} is told as {told}")
 
 

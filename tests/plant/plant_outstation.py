@@ -23,6 +23,7 @@ ANSWERS = {0x07: 0x0B, 0x13: 0x23, 0x43: 0x83}  # STARTDT, STOPDT, TESTFR: act, 
 SEQUENCES = 1 << 15
 MEAN_S, LEAST_S = 4.0, 0.2
 QUIET_PART, QUIET_S = 0.25, (20.0, 40.0)
+STAYS_S, AWAY_S = (20.0, 60.0), (0.5, 8.0)  # it hangs up, and takes nobody for a while
 LATE_PART, LATE_S = 0.5, 8.0  # of its connections, those in which it tells late what it had kept
 
 
@@ -61,6 +62,7 @@ class Session:
     peer: socket.socket
     begun_ns: int
     late_s: float  # so long behind the answer to an interrogation it tells what is from before; 0: at once
+    ends_s: float | None
     kept_until_s: float | None = None
     started: bool = False
     received: int = 0
@@ -95,22 +97,29 @@ class Outstation:
         self.value = 0
         self.events: list[Event] = []  # that no master has acknowledged
         self.until_s = until_s
+        self.back_s = 0.0
         self.next_s: float | None = time.monotonic() + MEAN_S
+
+    def wait_s(self) -> float | None:
+        session = self.session
+        due = [self.next_s, *((session.kept_until_s, session.ends_s) if session else (self.back_s,))]
+        now_s = time.monotonic()
+        coming = [one_s for one_s in due if one_s is not None and (session or one_s > now_s)]
+        return max(0.0, min(coming) - now_s) if coming else None
 
     def run(self) -> None:
         while True:
-            due = [
-                one for one in (self.next_s, self.session and self.session.kept_until_s) if one is not None
-            ]
-            wait_s = max(0.0, min(due) - time.monotonic()) if due else None
-            sockets = [self.listener, *([self.session.peer] if self.session else [])]
-            readable, _, _ = select.select(sockets, [], [], wait_s)
+            hears = self.session or time.monotonic() >= self.back_s
+            sockets = [*([self.listener] if hears else []), *([self.session.peer] if self.session else [])]
+            readable, _, _ = select.select(sockets, [], [], self.wait_s())
             if self.listener in readable:
                 self.take_master()
             elif readable:
                 self.guarded(self.hear)
             if self.next_s is not None and time.monotonic() >= self.next_s:
                 self.change(self.next_s)
+            if self.session and self.session.ends_s and time.monotonic() >= self.session.ends_s:
+                self.hang_up(self.session)
             self.guarded(self.tell_events)
 
     def take_master(self) -> None:
@@ -118,7 +127,15 @@ class Outstation:
         if self.session:
             self.session.peer.close()
         late_s = self.chance.uniform(0.0, LATE_S) if self.chance.random() < LATE_PART else 0.0
-        self.session = Session(peer, time.time_ns(), late_s)
+        ends_s = time.monotonic() + self.chance.uniform(*STAYS_S)
+        ends = ends_s if ends_s < self.until_s - STAYS_S[0] else None
+        self.session = Session(peer, time.time_ns(), late_s, ends)
+
+    def hang_up(self, session: Session) -> None:
+        session.peer.close()
+        self.session = None
+        self.back_s = time.monotonic() + self.chance.uniform(*AWAY_S)
+        say(away_until=round(self.back_s * 1e9))
 
     def guarded(self, work: Callable[[Session], None]) -> None:
         if not self.session:
