@@ -96,6 +96,7 @@ SITES = [
     Site("tcp_slave", "port[2].slaves[0]"),
     Site("rs485", "port[0].rs485"),
     Site("inactive_port", "port[1]"),
+    Site("pass_through", "port[0].pass_through"),
     Site("slave", "port[0].slaves[0]"),
     Site("identification", "port[0].slaves[0].identification"),
     Site("template", "templates.meter"),
@@ -134,6 +135,7 @@ COMPANIONS: dict[str, dict[str, Any]] = {
     "value": {"device": "ttyUSB0"},
     "baud_rate": {"device": "ttyUSB0"},
     "address": {"ioa": 70000},
+    "pass_through.address": {},
     "register": {"address": REMOVED},
     "response_timeout_min_ms": {"response_timeout_ms": 10000},
     "bit_order": {"type": "double"},
@@ -202,8 +204,9 @@ def small_file() -> dict[str, Any]:
     device["holding_registers"].append({"address": 77})
     device["input_registers"].append({"address": 9, "bit": 3, "ioa": 60003})
     slaves = [{"id": 1, "identification": {}}, device]
+    tool = {"address": "192.0.2.1", "tcp_port": 5020, "units": [2]}
     ports = [
-        {"value": 3, "active": 1, **line, "rs485": {}, "slaves": slaves},
+        {"value": 3, "active": 1, **line, "rs485": {}, "pass_through": tool, "slaves": slaves},
         {"value": 5, "active": 0},
         {"value": 9, "active": 1, "host": "192.0.2.9", "tcp_port": 503, "slaves": [{"id": 2}]},
     ]

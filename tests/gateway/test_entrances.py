@@ -54,6 +54,12 @@ def everything(folder: Path) -> dict[str, Any]:
         "outstations": [outstation(free_port()) | {"sets": [there]}],
         "journal": {"path": str(folder / "journal")},
     }
+    line = next(port for port in config["port"] if port["active"])
+    line["pass_through"] = {
+        "address": "127.0.0.1",
+        "tcp_port": free_port(),
+        "units": [line["slaves"][0]["id"]],
+    }
     make_keys(config, folder)
     return config
 

@@ -74,14 +74,12 @@ static size_t put_octet(uint8_t *text, size_t at, uint8_t octet)
 	return at + 2;
 }
 
-size_t modbus_ascii_frame(const struct modbus_request *request, uint8_t text[MODBUS_ASCII_REQUEST_MAX])
+size_t modbus_ascii_frame(const uint8_t *body, size_t length, uint8_t text[MODBUS_ASCII_REQUEST_MAX])
 {
-	uint8_t body[MODBUS_FRAME_MAX];
-	const size_t length = modbus_request_body(request, body);
 	size_t at = 0;
 
-	_Static_assert(MODBUS_ASCII_REQUEST_MAX >= 1 + 2 * (7 + 2 * MODBUS_WRITE_MAX + 1) + 2,
-		       "unit, function, address, count, octets and registers, the LRC");
+	_Static_assert(MODBUS_ASCII_REQUEST_MAX == 1 + 2 * (MODBUS_ASCII_BODY_MAX + 1) + 2,
+		       "the colon, the body, the LRC, CR and LF");
 	text[at++] = ':';
 	for (size_t i = 0; i < length; i++)
 		at = put_octet(text, at, body[i]);

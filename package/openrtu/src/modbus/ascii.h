@@ -13,7 +13,7 @@
 #include "frame.h"
 
 #define MODBUS_ASCII_BODY_MAX    254          /* unit and PDU */
-#define MODBUS_ASCII_REQUEST_MAX 64           /* characters of the longest request that we make */
+#define MODBUS_ASCII_REQUEST_MAX 513          /* characters of the longest frame */
 #define MODBUS_ASCII_GAP_NS      1000000000LL /* between two characters; */
 #define MODBUS_ASCII_GAPS_NS     5000000000LL /* all of a frame's together: who pauses has the line */
 
@@ -34,7 +34,7 @@ struct modbus_ascii {
 /* Takes a character. Behind an end, length is that of unit and PDU. */
 enum modbus_ascii_state modbus_ascii_take(struct modbus_ascii *ascii, uint8_t character);
 
-/* The request's frame, in text; returns its length. */
-size_t modbus_ascii_frame(const struct modbus_request *request, uint8_t text[MODBUS_ASCII_REQUEST_MAX]);
+/* A body's frame, in text; returns its length. */
+size_t modbus_ascii_frame(const uint8_t *body, size_t length, uint8_t text[MODBUS_ASCII_REQUEST_MAX]);
 
 #endif

@@ -21,6 +21,7 @@
 #define MODBUS_EXTRAS   MAP_SECTION_ID('M', 'B', 'E', 'X')
 #define MODBUS_KEEPS    MAP_SECTION_ID('M', 'B', 'K', 'P')
 #define MODBUS_EXPECTED MAP_SECTION_ID('M', 'B', 'I', 'D')
+#define MODBUS_PASSES   MAP_SECTION_ID('M', 'B', 'P', 'A')
 
 #define MODBUS_KNOTS_MAX UINT16_MAX /* of all scaling tables */
 
@@ -136,6 +137,19 @@ struct modbus_expected {
 	char text[MODBUS_IDENTITY_TEXT + 1]; /* Latin-1, as the device sends it */
 };
 
+#define MODBUS_PASS_CONNECTIONS_MAX 8
+
+/* Where a tool may connect that has its requests passed on to a line, and which. In the order of the ports. */
+struct modbus_pass {
+	uint32_t port; /* place among the ports */
+	uint16_t tcp_port;
+	uint8_t connections; /* at a time */
+	uint8_t share;       /* percent of the line's time */
+	char address[MAP_ADDRESS_SIZE];
+	uint8_t units[32];                          /* a bit each */
+	uint8_t functions[16], write_functions[16]; /* the same */
+};
+
 #define MODBUS_PERIOD_MAX_MS 0x7FFFFFFu /* that a point has room for; a day is less */
 
 /* Where a point's value is in its slave, and how it stands there; at the number of the point. */
@@ -228,6 +242,14 @@ static inline uint32_t modbus_port_count(const struct map_config *config)
 {
 	return map_record_count(config, MODBUS_PORTS);
 }
+
+static inline struct modbus_pass *modbus_passes(const struct map_config *config)
+{
+	return map_records(config, MODBUS_PASSES, sizeof(struct modbus_pass));
+}
+
+/* That of a process, which has one at most; NULL: none. */
+const struct modbus_pass *modbus_pass_of(const struct map_config *config, uint16_t process);
 
 static inline struct modbus_slave *modbus_slaves(const struct map_config *config)
 {

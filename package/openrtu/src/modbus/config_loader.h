@@ -81,6 +81,14 @@ extern const char *const modbus_link_keys[MODBUS_LINKS];
 /* Adds a line for every active port, with its devices and entries. ports: an array of at most MODBUS_PORTS_MAX. */
 void modbus_read_ports(struct modbus_loader *loader, const struct config_place *file, const json_t *ports);
 
+/* ---- config_pass.c ----------------------------------------------------------------------- */
+
+#define MODBUS_KEY_PASS "pass_through" /* of a port */
+
+/* What of the last line, whose slaves have been read, is open to a tool. json: the object at this key of the port. */
+void modbus_read_pass(struct modbus_loader *loader, const struct config_place *port, const char *key,
+		      const json_t *json);
+
 /* ---- config_slave.c ---------------------------------------------------------------------- */
 
 /* Says what is wrong with the templates' own keys. */
@@ -133,6 +141,7 @@ bool modbus_check_periods(struct modbus_loader *loader);
 
 /* Of "port": a line, a connection, and what is not used. */
 extern const struct config_table modbus_port_table, modbus_tcp_table, modbus_inactive_table;
+extern const struct config_table modbus_pass_table;
 /* Of the devices in them. */
 extern const struct config_table modbus_slave_table, modbus_tcp_slave_table;
 /* Of the objects in these. */

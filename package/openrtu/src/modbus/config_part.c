@@ -110,7 +110,7 @@ static bool begin(struct config_loader *files, void *own, const json_t *root)
 {
 	struct modbus_loader *loader = own;
 	struct map_config *config = files->config;
-	void *settings, *points, *ports, *slaves;
+	void *settings, *points, *ports, *slaves, *passes;
 
 	*loader = (struct modbus_loader){.files = files, .report = &files->report, .config = config};
 	count_records(loader, root);
@@ -121,14 +121,16 @@ static bool begin(struct config_loader *files, void *own, const json_t *root)
 	points = config_allocate(loader->entries_max, sizeof(struct modbus_point));
 	ports = config_allocate(loader->ports_max, sizeof(struct modbus_port));
 	slaves = config_allocate(loader->slaves_max, sizeof(struct modbus_slave));
+	passes = config_allocate(loader->ports_max, sizeof(struct modbus_pass));
 	map_add_section(config, MODBUS_SETTINGS, sizeof(struct modbus_settings), 1, settings);
 	map_add_section(config, MODBUS_POINTS, sizeof(struct modbus_point), 0, points);
 	map_add_section(config, MODBUS_KNOTS, sizeof(struct modbus_knot), 0, NULL);
 	map_add_section(config, MODBUS_EXTRAS, sizeof(struct modbus_extra), 0, NULL);
 	map_add_section(config, MODBUS_PORTS, sizeof(struct modbus_port), 0, ports);
 	map_add_section(config, MODBUS_SLAVES, sizeof(struct modbus_slave), 0, slaves);
-	return loader->entries != NULL && settings != NULL && points != NULL && ports != NULL &&
-	       slaves != NULL;
+	map_add_section(config, MODBUS_PASSES, sizeof(struct modbus_pass), 0, passes);
+	return passes != NULL && loader->entries != NULL && settings != NULL && points != NULL &&
+	       ports != NULL && slaves != NULL;
 }
 
 static void check_point_count(struct modbus_loader *loader, const struct config_place *file)

@@ -48,6 +48,7 @@ enum {
 	PORT_PROCESS,
 	PORT_RS485,
 	PORT_FRAMING,
+	PORT_PASS,
 	PORT_KEYS,
 	PORT_HOST = PORT_KEYS, /* the keys of Modbus TCP, of a port that is not active */
 	PORT_TCP_PORT,
@@ -92,6 +93,11 @@ static const struct config_rule port_rules[PORT_KEYS] = {
 		      CONFIG_SAYS(
 			  "How frames stand on the line: rtu, as octets with a CRC, or ascii, as text.",
 			  .see = "configuration.md#ascii")},
+    [PORT_PASS] = {MODBUS_KEY_PASS, CONFIG_OBJECT,
+		   CONFIG_SAYS(
+		       "What a tool of the devices' maker may ask through this line. Not given: nothing, "
+		       "and nobody can connect.",
+		       .see = "configuration.md#pass-through", .table = &modbus_pass_table)},
 };
 CONFIG_SHARED_TABLE(
     modbus_port_table, .name = "port", .rules = port_rules, .count = PORT_KEYS,
@@ -139,6 +145,7 @@ static const struct config_rule inactive_port_rules[INACTIVE_PORT_KEYS] = {
     [PORT_TCP_PORT] = {KEY_TCP_PORT, CONFIG_ANYTHING},
     [PORT_SETTLE] = {KEY_SETTLE, CONFIG_ANYTHING},
     [PORT_FRAMING] = {KEY_FRAMING, CONFIG_ANYTHING},
+    [PORT_PASS] = {MODBUS_KEY_PASS, CONFIG_ANYTHING},
 };
 
 CONFIG_SHARED_TABLE(modbus_inactive_table, .name = "inactive_port", .rules = inactive_port_rules,
@@ -158,6 +165,7 @@ enum {
 	TCP_PROCESS,
 	TCP_SETTLE,
 	TCP_FRAMING,
+	TCP_PASS,
 	TCP_KEYS
 };
 static const char *const framings[] = {
@@ -194,6 +202,11 @@ static const struct config_rule tcp_rules[TCP_KEYS] = {
 	     "on a serial line: of a serial device server that passes on what it is sent. "
 	     "Then the slaves are those of a line, and id 0 is the broadcast.",
 	     .see = "configuration.md#rtu-over-tcp")},
+    [TCP_PASS] = {MODBUS_KEY_PASS, CONFIG_OBJECT,
+		  CONFIG_SAYS(
+		      "What a tool of the devices' maker may ask through this line. Not given: nothing, "
+		      "and nobody can connect.",
+		      .see = "configuration.md#pass-through", .table = &modbus_pass_table)},
 };
 CONFIG_SHARED_TABLE(
     modbus_tcp_table, .name = "tcp_connection", .rules = tcp_rules, .count = TCP_KEYS,
@@ -352,6 +365,8 @@ static void read_active_port(struct modbus_loader *loader, const struct config_p
 			   &modbus_ports(loader->config)[modbus_port_count(loader->config) - 1]);
 	if (values[PORT_SLAVES].given)
 		modbus_read_slaves(loader, place, values[PORT_SLAVES].json);
+	if (values[PORT_PASS].given)
+		modbus_read_pass(loader, place, port_rules[PORT_PASS].name, values[PORT_PASS].json);
 }
 
 static bool is_tcp(const json_t *port)
@@ -395,6 +410,8 @@ static void read_tcp_port(struct modbus_loader *loader, const struct config_plac
 	loader->port_of_line[modbus_port_count(config) - 1] = (uint32_t)place->index;
 	if (values[TCP_SLAVES].given)
 		modbus_read_slaves(loader, place, values[TCP_SLAVES].json);
+	if (values[TCP_PASS].given)
+		modbus_read_pass(loader, place, tcp_rules[TCP_PASS].name, values[TCP_PASS].json);
 }
 
 void modbus_read_ports(struct modbus_loader *loader, const struct config_place *file, const json_t *ports)

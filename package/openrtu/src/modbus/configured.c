@@ -31,6 +31,16 @@ struct modbus_limits modbus_limits_of(const struct modbus_slave *slave)
 				      .reaction_ns = slave->reaction_us * NS_PER_US};
 }
 
+const struct modbus_pass *modbus_pass_of(const struct map_config *config, uint16_t process)
+{
+	const struct modbus_pass *passes = modbus_passes(config);
+
+	for (uint32_t i = 0; i < map_record_count(config, MODBUS_PASSES); i++)
+		if (modbus_ports(config)[passes[i].port].process == process)
+			return &passes[i];
+	return NULL;
+}
+
 /* An array of at least one element, so that NULL means no memory. */
 static void *allocate(size_t count, size_t size)
 {

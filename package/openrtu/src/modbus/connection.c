@@ -27,7 +27,8 @@ void modbus_connection_made(struct modbus_line *line, int64_t now_ns)
 
 void modbus_connection_asked(struct modbus_line *line)
 {
-	line->connection.asked = line->connection.there;
+	if (line->purpose != MODBUS_PASS)
+		line->connection.asked = line->connection.there;
 }
 
 /* ---- it brings something, or nothing ------------------------------------------------------------------ */
@@ -144,6 +145,9 @@ bool modbus_connection_ended(struct modbus_line *line, int64_t now_ns)
 	if (!connection->there)
 		return false;
 	connection->there = false;
+	/* What was passed on may have been too much for it. */
+	if (line->state == MODBUS_WAITING && line->purpose == MODBUS_PASS)
+		return true;
 	if (connection->answers == 0 && !connection->trying) {
 		if (connection->asked)
 			wait_longer(connection);

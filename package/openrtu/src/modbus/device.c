@@ -43,6 +43,15 @@ void modbus_add_unanswered(struct modbus_device *device, const struct modbus_req
 		    (struct modbus_unanswered){request->function, answer_bytes(request), sent_ns};
 }
 
+void modbus_add_passed(struct modbus_device *device, const struct modbus_request *request, int64_t sent_ns)
+{
+	const int64_t asked_ns = device->asked_ns;
+
+	modbus_add_unanswered(device, request, sent_ns);
+	device->asked_ns = asked_ns;
+	device->unanswered[device->unanswered_count - 1].sent_ns = 0;
+}
+
 void modbus_forget_unanswered(struct modbus_device *device, int64_t now_ns)
 {
 	if (now_ns < device->trust_ns)

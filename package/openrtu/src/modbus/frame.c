@@ -109,14 +109,18 @@ size_t modbus_request_body(const struct modbus_request *request, uint8_t *body)
 	return at;
 }
 
+size_t modbus_seal(uint8_t *frame, size_t body)
+{
+	uint16_t crc = modbus_crc(frame, body);
+
+	frame[body] = (uint8_t)(crc & 0xFF);
+	frame[body + 1] = (uint8_t)(crc >> 8);
+	return body + MODBUS_CRC_LENGTH;
+}
+
 size_t modbus_request_frame(const struct modbus_request *request, uint8_t frame[MODBUS_FRAME_MAX])
 {
-	size_t at = modbus_request_body(request, frame);
-	uint16_t crc = modbus_crc(frame, at);
-
-	frame[at++] = (uint8_t)(crc & 0xFF);
-	frame[at++] = (uint8_t)(crc >> 8);
-	return at;
+	return modbus_seal(frame, modbus_request_body(request, frame));
 }
 
 uint16_t modbus_read_bytes(uint8_t function, uint16_t count)

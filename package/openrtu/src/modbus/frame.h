@@ -12,6 +12,7 @@
 #include <stdint.h>
 
 #define MODBUS_FRAME_MAX     256 /* RTU frame: unit, PDU of 253, CRC */
+#define MODBUS_BODY_MAX      254 /* unit, PDU */
 #define MODBUS_CRC_LENGTH    2
 #define MODBUS_BITS_MAX      2000
 #define MODBUS_REGISTERS_MAX 125
@@ -34,9 +35,15 @@ enum modbus_function {
 	MODBUS_READ_INPUT_REGISTERS = 4,
 	MODBUS_WRITE_COIL = 5,
 	MODBUS_WRITE_REGISTER = 6,
+	MODBUS_READ_EXCEPTION_STATUS = 7,
+	MODBUS_READ_EVENT_COUNTER = 11,
+	MODBUS_READ_EVENT_LOG = 12,
 	MODBUS_WRITE_COILS = 15,
 	MODBUS_WRITE_REGISTERS = 16,
+	MODBUS_REPORT_SERVER = 17,
+	MODBUS_READ_FILE = 20,
 	MODBUS_MASK_WRITE_REGISTER = 22,
+	MODBUS_READ_FIFO = 24,
 	MODBUS_ENCAPSULATED = 43, /* of what it may carry, device identification alone */
 };
 
@@ -95,6 +102,8 @@ bool modbus_is_of_the_moment(uint8_t exception);
  * count 1..MODBUS_BITS_MAX or MODBUS_REGISTERS_MAX, for writes 1..MODBUS_WRITE_MAX.
  */
 size_t modbus_request_body(const struct modbus_request *request, uint8_t *body);
+/* Puts the CRC behind a body that stands in the frame. Returns the frame's length. */
+size_t modbus_seal(uint8_t *frame, size_t body);
 size_t modbus_request_frame(const struct modbus_request *request, uint8_t frame[MODBUS_FRAME_MAX]);
 
 /* Data bytes of the answer to a read of count bits or registers. */

@@ -5,6 +5,7 @@
  * behind the CRC or the transaction. What must hold:
  * - frames that go out are whole, with a right CRC or MBAP header, and no write goes out twice;
  * - the deadline is ahead;
+ * - what is passed on goes out once at most, and ends once, with an answer of its own or none;
  * - a read's data lie within the answer, and each command ends once.
  */
 #include <string.h>
@@ -29,6 +30,7 @@ static int64_t now;
 static struct modbus_identity identities[DEVICES];
 static uint32_t ordered, ended, written,
     turnable; /* commands; frames of writes; refused ones, which may go out once more */
+static uint32_t passes_begun, passes_ended, passes_sent;
 static bool done[TAGS];
 static uint8_t request[MODBUS_FRAME_MAX]; /* the latest, from its unit on */
 static uint8_t transaction[2];            /* and, on TCP, what stands before */
@@ -114,6 +116,20 @@ static void on_pause(void *context, uint32_t device, int64_t pause_ns, int64_t n
 	CHECK(device < DEVICES && pause_ns > 0 && pause_ns <= MODBUS_PAUSE_MAX_NS);
 }
 
+/* It has ended once, with an answer of its own or none. */
+static void on_passed(void *context, const struct modbus_passed *passed, enum modbus_result result,
+		      const uint8_t *body, size_t length, int64_t now_ns)
+{
+	(void)context, (void)now_ns;
+	CHECK(passed->tag == passes_begun && passes_ended < passes_begun);
+	passes_ended++;
+	CHECK((body != NULL) == (result == MODBUS_DONE));
+	if (body == NULL)
+		return;
+	CHECK(length >= 2 && length <= MODBUS_BODY_MAX && body[0] == passed->body[0]);
+	CHECK((body[1] & (uint8_t)~MODBUS_EXCEPTION_BIT) == passed->body[1]);
+}
+
 static const struct modbus_events events = {.read = on_read,
 					    .refused = on_refused,
 					    .alive = on_alive,
@@ -122,6 +138,7 @@ static const struct modbus_events events = {.read = on_read,
 					    .pause = on_pause,
 					    .turned = on_turned,
 					    .kept = on_kept,
+					    .passed = on_passed,
 					    .stranger = on_stranger};
 
 /* ---- what happens ------------------------------------------------------------------------------ */
@@ -165,6 +182,10 @@ static bool is_whole(const struct modbus_output *output)
 static void count_write(void)
 {
 	counted = false;
+	if (line.purpose == MODBUS_PASS) {
+		CHECK(++passes_sent <= passes_begun);
+		return;
+	}
 	if (modbus_is_read(request[1]) || request[1] == MODBUS_ENCAPSULATED)
 		return;
 	if (line.purpose == MODBUS_KEEP)
@@ -233,7 +254,7 @@ static void hang_up(void)
 
 static void note_refusal(void)
 {
-	if (modbus_is_read(request[1]) || request[1] == MODBUS_ENCAPSULATED)
+	if (modbus_is_read(request[1]) || request[1] == MODBUS_ENCAPSULATED || line.purpose == MODBUS_PASS)
 		return;
 	refused |= 1u << (request[1] & 31);
 	turnable += !counted;
@@ -383,6 +404,24 @@ static void command(uint8_t argument)
 	poll_line();
 }
 
+/* Anything that somebody has passed on to a device. */
+static void pass(void)
+{
+	const uint32_t device = 1u + next_octet() % (DEVICES - 1);
+	struct modbus_passed passed = {.device = device,
+				       .tag = passes_begun + 1,
+				       .deadline_ns = now + next_octet() * 10 * MS,
+				       .length = 2u + next_octet() % 16};
+
+	passed.body[0] = devices[device].unit;
+	for (size_t i = 1; i < passed.length; i++)
+		passed.body[i] = next_octet();
+	passed.body[1] &= (uint8_t)~MODBUS_EXCEPTION_BIT;
+	if (modbus_line_pass(&line, &passed))
+		passes_begun++;
+	poll_line();
+}
+
 static void step(void)
 {
 	uint8_t octet = next_octet(), argument = octet >> 3;
@@ -410,6 +449,8 @@ static void step(void)
 			lose_port();
 		else if (argument < 4)
 			hang_up();
+		else
+			pass();
 		break;
 	}
 }
@@ -436,6 +477,7 @@ static void begin(struct modbus_wire wire)
 	memset(devices, 0, sizeof(devices));
 	memset(identities, 0, sizeof(identities));
 	ordered = ended = written = turnable = refused = 0;
+	passes_begun = passes_ended = passes_sent = 0;
 	request_length = 0;
 	now = 5000 * MS;
 	for (uint32_t d = 0; d < DEVICES; d++) {
@@ -463,6 +505,7 @@ static void begin(struct modbus_wire wire)
 				    .device_count = DEVICES,
 				    .commands = commands,
 				    .command_capacity = COMMANDS_MAX,
+				    .pass_share = 50,
 				    .wire = wire};
 	modbus_line_init(&line);
 	modbus_line_open(&line, now);
@@ -486,6 +529,6 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 		step();
 	check_learned();
 	modbus_line_close(&line, now);
-	CHECK(ended == ordered);
+	CHECK(ended == ordered && passes_ended == passes_begun);
 	return 0;
 }

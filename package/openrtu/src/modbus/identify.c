@@ -32,7 +32,7 @@ static bool becomes_due(const struct modbus_device *device, int64_t until_ns)
 	return false;
 }
 
-static bool is_room(const struct modbus_line *line, int64_t until_ns)
+bool modbus_is_room(const struct modbus_line *line, int64_t until_ns)
 {
 	for (uint32_t i = 0; i < line->device_count; i++)
 		if (becomes_due(&line->devices[i], until_ns))
@@ -49,7 +49,8 @@ bool modbus_may_identify(const struct modbus_line *line, const struct modbus_dev
 {
 	return is_to_be_asked(device) && now_ns >= line->identify_free_ns &&
 	       now_ns >= modbus_surely_ready_ns(device) && device->unanswered_count == 0 &&
-	       !device->inherited && is_read_once(device) && is_room(line, now_ns + longest_ns(line, device));
+	       !device->inherited && is_read_once(device) &&
+	       modbus_is_room(line, now_ns + longest_ns(line, device));
 }
 
 int64_t modbus_next_identify_ns(const struct modbus_line *line, const struct modbus_device *device,

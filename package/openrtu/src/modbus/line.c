@@ -12,6 +12,8 @@ static void burst_ended(struct modbus_line *line, int64_t now_ns)
 {
 	size_t begun = line->received_count - line->strays; /* of an answer */
 
+	if (modbus_pass_burst(line, now_ns))
+		return;
 	if (!modbus_crc_valid(line->received, line->received_count) && (line->garbled || begun >= 2)) {
 		modbus_answer_garbled(line, now_ns);
 		return;
@@ -43,7 +45,10 @@ static bool is_bursting(const struct modbus_line *line, int64_t now_ns)
 /* The end of an answer that begins at the very end of the response time. */
 static int64_t last_moment(const struct modbus_line *line)
 {
-	return line->deadline_ns + (int64_t)modbus_answer_length(&line->request) * line->wire.char_ns +
+	const size_t most =
+	    line->purpose == MODBUS_PASS ? MODBUS_FRAME_MAX : modbus_answer_length(&line->request);
+
+	return line->deadline_ns + (int64_t)most * line->wire.char_ns +
 	       (line->ascii.begun ? MODBUS_ASCII_GAPS_NS : line->wire.gap_ns);
 }
 
@@ -76,6 +81,7 @@ static void lose_all(struct modbus_line *line, int64_t now_ns)
 	for (uint32_t i = 0; i < line->device_count; i++)
 		modbus_device_died(line, i, now_ns);
 	modbus_drop_commands(line);
+	modbus_pass_ended(line, MODBUS_NOT_SENT, NULL, 0, now_ns);
 }
 
 void modbus_line_init(struct modbus_line *line)
@@ -123,6 +129,7 @@ void modbus_line_close(struct modbus_line *line, int64_t now_ns)
 {
 	bool commanding = (line->state == MODBUS_WAITING && line->purpose == MODBUS_COMMAND) ||
 			  line->state == MODBUS_TURNAROUND;
+	const bool passing = line->state == MODBUS_WAITING && line->purpose == MODBUS_PASS;
 
 	if (line->state == MODBUS_WAITING)
 		line->framer->remember_unanswered(line);
@@ -130,6 +137,8 @@ void modbus_line_close(struct modbus_line *line, int64_t now_ns)
 		modbus_identify_answered(line, NULL, false, now_ns);
 	line->state = MODBUS_CLOSED;
 	line->connection.there = false;
+	if (passing)
+		modbus_pass_ended(line, MODBUS_TIMED_OUT, NULL, 0, now_ns);
 	if (commanding)
 		modbus_end_command(line, MODBUS_TIMED_OUT, 0);
 	lose_all(line, now_ns);

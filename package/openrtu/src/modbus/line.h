@@ -49,11 +49,17 @@
  * period becomes due while the answer is waited for. Each such request is followed by none for as long as keeps what they cost below
  * one MODBUS_DEAD_SHAREth of the line's time. Silence and refusals say nothing of the device's life or its reads, and count as no exceptions.
  *
+ * What is passed on (passed.c). A request of somebody else's for a device of the line goes out as it came, and its answer goes back as it
+ * comes: all that is looked at is unit, function and CRC; where nothing says how long it is, silence ends it. It goes when nothing is due,
+ * nothing with a period becomes due until it should have been answered, and its device owes no answer: what comes is its own. So much
+ * of the line's time as pass_share says is the most that such requests take, be there a scan without end behind them. Whether it is answered, and how,
+ * says nothing of the device: no life, no latency, no pause, no counter of it changes.
+ *
  * Whose turn it is. Commands go first, then what was written is read back, unless that is not wanted; after
  * MODBUS_COMMANDS_IN_ROW of them polling goes on by one request. Polling is, first, the reads that are due
  * (period.h), by deadline; after MODBUS_DUE_IN_ROW of them the scan, which is all reads without a period, goes
  * on by one request, so that a line that is asked for too much still reads everything. What the line writes by itself goes
- * ahead of polling, one for each of its requests at most; what a device is, ahead of the scan. Living devices are
+ * ahead of polling, one for each of its requests at most; what a device is, and what is passed on, ahead of the scan. Living devices are
  * scanned in turn; after a probe that no dead one answered, they are scanned once before the next. So the age
  * of their values grows by one time-out, not with the number of the dead.
  */
@@ -132,6 +138,15 @@ struct modbus_line_counters {
 	uint32_t scan_us;
 	uint32_t scans;                       /* in which something was answered */
 	struct modbus_histogram transactions; /* from the request to the end of its answer */
+};
+
+/* A request that is passed on, and what the caller knows it by. */
+struct modbus_passed {
+	uint32_t device;     /* index in the line's devices */
+	uint32_t tag;        /* the caller's; not looked at */
+	int64_t deadline_ns; /* it is sent until then, or not at all */
+	size_t length;
+	uint8_t body[MODBUS_BODY_MAX]; /* unit, function and data; at least the first two */
 };
 
 /* What a device is to hold. */
@@ -241,6 +256,9 @@ struct modbus_events {
 	void (*turned)(void *context, uint32_t device, uint8_t unknown, uint8_t function, int64_t now_ns);
 	/* What the line writes by itself ends otherwise than the last time. */
 	void (*kept)(void *context, uint32_t device, const struct modbus_kept *kept, int64_t now_ns);
+	/* What was passed on has ended; body: its answer, an exception too, if the result is MODBUS_DONE. */
+	void (*passed)(void *context, const struct modbus_passed *passed, enum modbus_result result,
+		       const uint8_t *body, size_t length, int64_t now_ns);
 	/* What was asked of the device, another unit answers. */
 	void (*stranger)(void *context, uint32_t device, uint8_t unit, int64_t now_ns);
 };
@@ -252,7 +270,7 @@ enum modbus_line_state {
 	MODBUS_TURNAROUND, /* after a broadcast */
 };
 
-enum modbus_purpose { MODBUS_SCAN, MODBUS_PROBE, MODBUS_COMMAND, MODBUS_KEEP, MODBUS_IDENTIFY };
+enum modbus_purpose { MODBUS_SCAN, MODBUS_PROBE, MODBUS_COMMAND, MODBUS_KEEP, MODBUS_IDENTIFY, MODBUS_PASS };
 
 struct modbus_line {
 	/* Filled in by the caller, who owns the memory. */
@@ -263,6 +281,7 @@ struct modbus_line {
 	struct modbus_command *commands; /* FIFO */
 	uint32_t command_capacity;
 	struct modbus_wire wire;
+	uint8_t pass_share; /* percent of the line's time, 1..99, that what is passed on may take */
 
 	/* For the caller to look at. */
 	struct modbus_line_counters counters;
@@ -285,6 +304,9 @@ struct modbus_line {
 	int64_t scan_ended_ns;
 	int64_t whole_scan_began_ns; /* of the scan that counters.scan_us is of */
 	int64_t identify_free_ns;    /* until then no device is asked what it is */
+	struct modbus_passed passed; /* the latest; */
+	bool passing;                /* it has not ended */
+	int64_t pass_free_ns;        /* until then nothing is passed on */
 
 	/* When whoever runs this line was last back from an absence: what is there then came nobody knows when. */
 	int64_t back_ns;
@@ -304,7 +326,7 @@ struct modbus_line {
 	bool garbled; /* something began like the answer */
 	bool echoed;  /* the request came back */
 
-	uint8_t frame[MODBUS_FRAME_MAX];
+	uint8_t frame[MODBUS_MBAP_FRAME_MAX];
 	size_t frame_length;
 	uint8_t received[2 * MODBUS_FRAME_MAX];
 	size_t received_count;
@@ -371,6 +393,11 @@ void modbus_line_close(struct modbus_line *line, int64_t now_ns);
  * or the queue full. Poll then.
  */
 bool modbus_line_command(struct modbus_line *line, const struct modbus_command *command);
+
+/* Passes a request on when there is room for it: one at a time. False: the line is closed, or another one has not ended. Poll then. */
+bool modbus_line_pass(struct modbus_line *line, const struct modbus_passed *passed);
+/* What is asked so changes nothing, as far as the standard says: body as modbus_passed has it. */
+bool modbus_reads_only(const uint8_t *body, size_t length);
 
 /*
  * Takes bytes that arrived by now_ns. Before a poll from listen_ns on, everything that is readable must have been given.

@@ -66,7 +66,7 @@ static bool receive(struct modbus_line *line, const uint8_t *bytes, size_t lengt
 
 static size_t encode(const struct modbus_line *line, uint8_t text[MODBUS_ASCII_REQUEST_MAX])
 {
-	return modbus_ascii_frame(&line->request, text);
+	return modbus_ascii_frame(line->frame, line->frame_length - MODBUS_CRC_LENGTH, text);
 }
 
 const struct modbus_framer modbus_ascii_framer = {.build = modbus_build_rtu,

@@ -45,6 +45,8 @@ static inline int64_t modbus_surely_ready_ns(const struct modbus_device *device)
 /* A request whose time-out has passed: its answer may still come (line.h, "Late answers"). */
 void modbus_add_unanswered(struct modbus_device *device, const struct modbus_request *request,
 			   int64_t sent_ns);
+/* The same of one that was passed on: nothing is learned from when its answer comes. */
+void modbus_add_passed(struct modbus_device *device, const struct modbus_request *request, int64_t sent_ns);
 void modbus_forget_unanswered(struct modbus_device *device, int64_t now_ns);
 /* Such an answer would look like that to a request with this function. */
 bool modbus_owes(const struct modbus_device *device, uint8_t function);
@@ -128,6 +130,27 @@ int64_t modbus_identify_timeout(const struct modbus_device *device);
 void modbus_identify_answered(struct modbus_line *line, const uint8_t *body, bool is_exception,
 			      int64_t now_ns);
 
+/* Nothing with a period becomes due until then. */
+bool modbus_is_room(const struct modbus_line *line, int64_t until_ns);
+
+/* ---- passed.c ---------------------------------------------------------------------------- */
+
+/* The body of the request that begins. Returns its length. */
+size_t modbus_put_body(const struct modbus_line *line, uint8_t *body);
+/* What waits to be passed on may go now; when something of that changes, MODBUS_NEVER: nothing waits. */
+bool modbus_may_pass(const struct modbus_line *line, int64_t now_ns);
+int64_t modbus_next_pass_ns(const struct modbus_line *line, int64_t now_ns);
+int64_t modbus_pass_timeout(const struct modbus_line *line, const struct modbus_device *device);
+/* As far as a line's request goes: what its answer looks like. */
+struct modbus_request modbus_passed_request(const struct modbus_passed *passed);
+/* The answer to this function has the fields of one to a request of the line's own. */
+bool modbus_pass_is_known(uint8_t function);
+/* The body is that of the answer to what was passed on, or of its exception. */
+bool modbus_answers_pass(const struct modbus_line *line, const uint8_t *body, size_t length);
+/* If it has not ended, it does now. */
+void modbus_pass_ended(struct modbus_line *line, enum modbus_result result, const uint8_t *body,
+		       size_t length, int64_t now_ns);
+
 /* ---- transaction.c ----------------------------------------------------------------------- */
 
 /* Begins line->request. Returns the length of its frame, in line->frame. */
@@ -145,6 +168,9 @@ void modbus_count_wrong_answer(struct modbus_line *line, const uint8_t *body, si
 /* The answer to what was sent then, and has timed out, began and ended. sent_ns 0: nobody knows when. */
 void modbus_tell_late(struct modbus_line *line, uint32_t index, int64_t sent_ns, int64_t began_ns,
 		      int64_t now_ns);
+
+/* The body of a frame has come while the answer to what was passed on is awaited. False: it is another's. */
+bool modbus_pass_answered(struct modbus_line *line, const uint8_t *body, size_t length, int64_t now_ns);
 
 /* The connection has ended under it: a read may be asked again, and what has become of a write nobody knows. */
 void modbus_request_torn(struct modbus_line *line, int64_t now_ns);
@@ -176,6 +202,8 @@ bool modbus_connection_is_hung(struct modbus_line *line, int64_t now_ns);
 /* Octets of RTU frames, the first of which came at began_ns. */
 void modbus_take_octets(struct modbus_line *line, const uint8_t *octets, size_t length, int64_t began_ns,
 			int64_t now_ns);
+/* They have ceased. True: they were the answer to what was passed on. */
+bool modbus_pass_burst(struct modbus_line *line, int64_t now_ns);
 /* Something comes that nobody has asked for: the next request waits until it has ceased. */
 void modbus_note_unrest(struct modbus_line *line, int64_t now_ns);
 /* Counts the strays, which are one burst, and removes them. */

@@ -18,15 +18,18 @@ static size_t word(const uint8_t *at)
 	return (size_t)at[0] << 8 | at[1];
 }
 
-size_t modbus_mbap_frame(const struct modbus_request *request, uint16_t transaction,
-			 uint8_t frame[MODBUS_FRAME_MAX])
+size_t modbus_mbap_seal(uint8_t *frame, uint16_t transaction, size_t body)
 {
-	size_t body = modbus_request_body(request, frame + MODBUS_MBAP_PREFIX);
-
 	put_word(frame + TRANSACTION_AT, transaction);
 	put_word(frame + PROTOCOL_AT, 0);
 	put_word(frame + LENGTH_AT, body);
 	return MODBUS_MBAP_PREFIX + body;
+}
+
+size_t modbus_mbap_frame(const struct modbus_request *request, uint16_t transaction,
+			 uint8_t frame[MODBUS_FRAME_MAX])
+{
+	return modbus_mbap_seal(frame, transaction, modbus_request_body(request, frame + MODBUS_MBAP_PREFIX));
 }
 
 size_t modbus_mbap_length(const uint8_t *bytes, size_t length)

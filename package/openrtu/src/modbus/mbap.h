@@ -14,6 +14,9 @@
 #define MODBUS_MBAP_PREFIX    6 /* transaction, protocol, length: two octets each */
 #define MODBUS_MBAP_FRAME_MAX 260
 
+/* Puts the header before a body that stands behind its place in the frame. Returns the frame's length. */
+size_t modbus_mbap_seal(uint8_t *frame, uint16_t transaction, size_t body);
+
 /*
  * Writes the request's frame and returns its length. The request must be within the protocol's limits, as for
  * modbus_request_frame.

@@ -89,8 +89,11 @@ void modbus_remove_strays(struct modbus_line *line, int64_t now_ns)
 
 /* ---- echoes and answers ------------------------------------------------------------------------------ */
 
+/* Of what is passed on, nobody knows unless it is a read. */
 static bool looks_like_its_answer(const struct modbus_line *line)
 {
+	if (line->purpose == MODBUS_PASS && !modbus_is_read(line->request.function))
+		return true;
 	return modbus_answer_judge(&line->request, line->frame, line->frame_length) == MODBUS_ANSWER;
 }
 
@@ -155,6 +158,33 @@ static bool take_answer(struct modbus_line *line, int64_t now_ns)
 	return false;
 }
 
+bool modbus_pass_burst(struct modbus_line *line, int64_t now_ns)
+{
+	uint8_t frame[sizeof(line->received)];
+	const size_t length = line->received_count;
+
+	if (line->purpose != MODBUS_PASS || length > MODBUS_FRAME_MAX ||
+	    !modbus_crc_valid(line->received, length))
+		return false;
+	memcpy(frame, line->received, length);
+	if (!modbus_pass_answered(line, frame, length - MODBUS_CRC_LENGTH, now_ns))
+		return false;
+	line->received_count = line->strays = 0;
+	modbus_connection_answered(line);
+	return true;
+}
+
+/* If it is the last one of an answer whose length is known, that ends here. */
+static void take_passed_octet(struct modbus_line *line, int64_t now_ns)
+{
+	enum modbus_verdict verdict =
+	    modbus_answer_judge(&line->request, line->received, line->received_count);
+
+	if (verdict == MODBUS_EXCEPTION ||
+	    (verdict == MODBUS_ANSWER && modbus_pass_is_known(line->request.function)))
+		modbus_pass_burst(line, now_ns);
+}
+
 /* ---- RTU frames -------------------------------------------------------------------------------------- */
 
 static void keep_byte(struct modbus_line *line, uint8_t byte, int64_t now_ns)
@@ -182,10 +212,14 @@ static void receive_byte(struct modbus_line *line, uint8_t byte, int64_t began_n
 		modbus_note_unrest(line, now_ns);
 		return;
 	}
-	if (first)
+	if (first && line->purpose != MODBUS_PASS)
 		line->devices[line->device].counters.latency_us =
 		    (uint32_t)(later(began_ns - line->sent_ns, 0) / NS_PER_US);
-	if (!take_echo(line))
+	if (take_echo(line))
+		return;
+	if (line->purpose == MODBUS_PASS)
+		take_passed_octet(line, now_ns);
+	else
 		take_answer(line, now_ns);
 }
 
@@ -211,7 +245,7 @@ static size_t missing(const struct modbus_line *line)
 	const struct modbus_device *device = &line->devices[line->device];
 	size_t begun = line->received_count - line->strays;
 
-	if (line->state != MODBUS_WAITING || begun == 0 || device->echoes > 0)
+	if (line->state != MODBUS_WAITING || line->purpose == MODBUS_PASS || begun == 0 || device->echoes > 0)
 		return 0;
 	return modbus_answer_missing(&line->request, line->received + line->strays, begun, !is_plain(device));
 }
@@ -229,12 +263,17 @@ static bool receive(struct modbus_line *line, const uint8_t *bytes, size_t lengt
 
 size_t modbus_build_rtu(struct modbus_line *line)
 {
-	return modbus_request_frame(&line->request, line->frame);
+	return modbus_seal(line->frame, modbus_put_body(line, line->frame));
 }
 
 void modbus_remember_unanswered(struct modbus_line *line)
 {
-	modbus_add_unanswered(&line->devices[line->device], &line->request, line->sent_ns);
+	struct modbus_device *device = &line->devices[line->device];
+
+	if (line->purpose == MODBUS_PASS)
+		modbus_add_passed(device, &line->request, line->sent_ns);
+	else
+		modbus_add_unanswered(device, &line->request, line->sent_ns);
 }
 
 const struct modbus_framer modbus_rtu_framer = {.build = modbus_build_rtu,

@@ -44,6 +44,10 @@ static void take_frame(struct modbus_line *line, const uint8_t *frame, size_t le
 		take_stranger(line, transaction, body, now_ns);
 		return;
 	}
+	if (line->purpose == MODBUS_PASS) {
+		modbus_pass_answered(line, body, length - MODBUS_MBAP_PREFIX, now_ns);
+		return;
+	}
 	device = &line->devices[line->device];
 	verdict = modbus_body_judge(&line->request, body, length - MODBUS_MBAP_PREFIX);
 	if (verdict == MODBUS_NOT_ITS_OWN) {
@@ -58,7 +62,8 @@ static void take_frame(struct modbus_line *line, const uint8_t *frame, size_t le
 
 static size_t build(struct modbus_line *line)
 {
-	return modbus_mbap_frame(&line->request, ++line->transaction, line->frame);
+	return modbus_mbap_seal(line->frame, ++line->transaction,
+				modbus_put_body(line, line->frame + MODBUS_MBAP_PREFIX));
 }
 
 static void remember_unanswered(struct modbus_line *line)
@@ -66,7 +71,7 @@ static void remember_unanswered(struct modbus_line *line)
 	line->overdue[line->overdue_count++ % MODBUS_OVERDUE_MAX] =
 	    (struct modbus_overdue){.transaction = line->transaction,
 				    .unit = line->request.unit,
-				    .function = line->request.function,
+				    .function = line->purpose == MODBUS_PASS ? 0 : line->request.function,
 				    .device = line->device,
 				    .sent_ns = line->sent_ns};
 }

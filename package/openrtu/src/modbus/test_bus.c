@@ -113,6 +113,20 @@ static void on_kept(void *context, uint32_t device, const struct modbus_kept *ke
 	bus.kept_news[device]++;
 }
 
+static void on_passed(void *context, const struct modbus_passed *passed, enum modbus_result result,
+		      const uint8_t *body, size_t length, int64_t now_ns)
+{
+	assert_ptr_equal(context, &bus);
+	assert_int_equal(now_ns, bus.now_ns);
+	assert_int_equal(body != NULL, result == MODBUS_DONE);
+	bus.passes++;
+	bus.pass_result = result;
+	bus.pass_tag = passed->tag;
+	bus.pass_length = length;
+	if (length > 0)
+		memcpy(bus.pass_answer, body, length);
+}
+
 static const struct modbus_events events = {.read = on_read,
 					    .refused = on_refused,
 					    .alive = on_alive,
@@ -121,6 +135,7 @@ static const struct modbus_events events = {.read = on_read,
 					    .pause = on_pause,
 					    .turned = on_turned,
 					    .kept = on_kept,
+					    .passed = on_passed,
 					    .stranger = on_stranger};
 
 /* ---- the devices -------------------------------------------------------------------------------- */
@@ -641,6 +656,7 @@ void set_up(void)
 					.devices = bus.devices,
 					.commands = bus.commands,
 					.command_capacity = COMMANDS_MAX,
+					.pass_share = 10,
 					.wire = modbus_wire(19200, 11)};
 }
 
@@ -760,6 +776,15 @@ void command(uint32_t device, uint8_t function, uint16_t address, uint16_t value
 				       .request = {bus.devices[device].unit, function, address, 1, {value}}};
 
 	assert_true(modbus_line_command(&bus.line, &order));
+}
+
+bool pass(uint32_t device, const uint8_t *body, size_t length, uint32_t tag)
+{
+	struct modbus_passed passed = {
+	    .device = device, .tag = tag, .deadline_ns = bus.now_ns + 5 * SECOND, .length = length};
+
+	memcpy(passed.body, body, length);
+	return modbus_line_pass(&bus.line, &passed);
 }
 
 unsigned sent_with(uint8_t unit, uint8_t function)

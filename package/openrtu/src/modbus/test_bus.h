@@ -138,6 +138,11 @@ struct bus {
 	enum modbus_result last_result;
 	uint8_t last_exception;
 	uint32_t tags[16];
+	unsigned passes; /* what was passed on and has ended; the latest: */
+	enum modbus_result pass_result;
+	uint32_t pass_tag;
+	size_t pass_length;
+	uint8_t pass_answer[MODBUS_BODY_MAX];
 };
 
 extern struct bus bus;
@@ -173,6 +178,9 @@ void deliver(void);
 
 /* A write that is good for ten seconds. */
 void command(uint32_t device, uint8_t function, uint16_t address, uint16_t value, uint32_t tag);
+
+/* Has a body passed on that may wait for five seconds. False: there is one that has not ended. */
+bool pass(uint32_t device, const uint8_t *body, size_t length, uint32_t tag);
 
 /* How many requests of this kind were sent. */
 unsigned sent_with(uint8_t unit, uint8_t function);

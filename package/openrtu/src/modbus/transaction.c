@@ -8,6 +8,8 @@ static int64_t timeout_of(const struct modbus_line *line, const struct modbus_de
 {
 	if (line->purpose == MODBUS_IDENTIFY)
 		return modbus_identify_timeout(device);
+	if (line->purpose == MODBUS_PASS)
+		return modbus_pass_timeout(line, device);
 	if (line->purpose == MODBUS_COMMAND || line->purpose == MODBUS_KEEP ||
 	    (line->purpose == MODBUS_SCAN && device->reads[line->read].failures > 0))
 		return device->response_timeout_ns;
@@ -17,11 +19,12 @@ static int64_t timeout_of(const struct modbus_line *line, const struct modbus_de
 size_t modbus_begin(struct modbus_line *line, enum modbus_purpose purpose, uint32_t index, int64_t now_ns)
 {
 	struct modbus_device *device = &line->devices[index];
-	size_t length = line->framer->build(line);
 	bool broadcast = device->broadcast;
+	size_t length;
 
-	modbus_connection_asked(line);
 	line->purpose = purpose;
+	length = line->framer->build(line);
+	modbus_connection_asked(line);
 	line->kept_last = purpose == MODBUS_KEEP || (purpose == MODBUS_COMMAND && line->kept_last);
 	line->device = index;
 	line->garbled = line->echoed = false;
@@ -30,10 +33,13 @@ size_t modbus_begin(struct modbus_line *line, enum modbus_purpose purpose, uint3
 	line->sent_ns = now_ns + line->wire.before_ns + (int64_t)length * line->wire.char_ns;
 	line->state = broadcast ? MODBUS_TURNAROUND : MODBUS_WAITING;
 	line->deadline_ns = line->sent_ns + (broadcast ? MODBUS_BROADCAST_NS : timeout_of(line, device));
-	modbus_pause_asked(&device->pause, device->spoken_ns > 0 ? begun_ns(line) - device->spoken_ns : 0);
-	device->spoken_ns = line->sent_ns;
 	line->counters.requests++;
-	device->counters.requests++;
+	if (purpose != MODBUS_PASS) {
+		modbus_pause_asked(&device->pause,
+				   device->spoken_ns > 0 ? begun_ns(line) - device->spoken_ns : 0);
+		device->counters.requests++;
+	}
+	device->spoken_ns = line->sent_ns;
 	return length;
 }
 
@@ -197,6 +203,22 @@ void modbus_request_answered(struct modbus_line *line, const uint8_t *body, bool
 	}
 }
 
+bool modbus_pass_answered(struct modbus_line *line, const uint8_t *body, size_t length, int64_t now_ns)
+{
+	struct modbus_device *device = &line->devices[line->device];
+
+	if (!modbus_answers_pass(line, body, length))
+		return false;
+	modbus_end(
+	    line,
+	    later(later(now_ns, line->sent_ns) + line->wire.silence_ns, begun_ns(line) + line->wire.least_ns),
+	    now_ns);
+	line->counters.answers++;
+	device->heard_ns = device->spoken_ns = now_ns;
+	modbus_pass_ended(line, MODBUS_DONE, body, length, now_ns);
+	return true;
+}
+
 /* What it says is what the device that was asked would say. */
 static bool answers_for_another(const struct modbus_line *line, const uint8_t *body, size_t length)
 {
@@ -245,10 +267,21 @@ void modbus_count_wrong_answer(struct modbus_line *line, const uint8_t *body, si
 		line->events->stranger(line->context, line->device, body[0], now_ns);
 }
 
+static void pass_unanswered(struct modbus_line *line, int64_t silent_ns, int64_t now_ns)
+{
+	line->framer->remember_unanswered(line);
+	modbus_end(line, silent_ns, now_ns);
+	modbus_pass_ended(line, MODBUS_TIMED_OUT, NULL, 0, now_ns);
+}
+
 static void request_unanswered(struct modbus_line *line, bool too_soon, int64_t now_ns)
 {
 	struct modbus_device *device = &line->devices[line->device];
 
+	if (line->purpose == MODBUS_PASS) {
+		pass_unanswered(line, later(now_ns, line->last_byte_ns + MODBUS_GAP_NS), now_ns);
+		return;
+	}
 	modbus_connection_unanswered(line);
 	line->framer->remember_unanswered(line);
 	modbus_end(line, later(now_ns, line->last_byte_ns + MODBUS_GAP_NS), now_ns);
@@ -269,6 +302,10 @@ void modbus_request_torn(struct modbus_line *line, int64_t now_ns)
 {
 	struct modbus_device *device = &line->devices[line->device];
 
+	if (line->purpose == MODBUS_PASS) {
+		pass_unanswered(line, now_ns, now_ns);
+		return;
+	}
 	/* A server of serial devices gives the next connection what comes late for this one. */
 	line->framer->remember_unanswered(line);
 	modbus_end(line, now_ns, now_ns);
@@ -286,7 +323,7 @@ void modbus_request_torn(struct modbus_line *line, int64_t now_ns)
 void modbus_answer_garbled(struct modbus_line *line, int64_t now_ns)
 {
 	line->counters.crc_errors++;
-	line->devices[line->device].counters.errors++;
+	line->devices[line->device].counters.errors += line->purpose != MODBUS_PASS;
 	line->received_count = line->strays = 0;
 	request_unanswered(line, false, now_ns);
 }
@@ -294,9 +331,9 @@ void modbus_answer_garbled(struct modbus_line *line, int64_t now_ns)
 void modbus_request_timed_out(struct modbus_line *line, int64_t now_ns)
 {
 	line->counters.timeouts++;
-	line->devices[line->device].counters.timeouts++;
+	line->devices[line->device].counters.timeouts += line->purpose != MODBUS_PASS;
 	request_unanswered(line,
-			   line->purpose != MODBUS_IDENTIFY &&
+			   line->purpose != MODBUS_IDENTIFY && line->purpose != MODBUS_PASS &&
 			       modbus_pause_unanswered(&line->devices[line->device].pause, now_ns),
 			   now_ns);
 }

@@ -271,6 +271,21 @@ static size_t begin_identify(struct modbus_line *line, int64_t now_ns)
 	return 0;
 }
 
+static size_t begin_pass(struct modbus_line *line, int64_t now_ns)
+{
+	if (!line->passing)
+		return 0;
+	if (now_ns > line->passed.deadline_ns) {
+		modbus_pass_ended(line, MODBUS_TOO_OLD, NULL, 0, now_ns);
+		return 0;
+	}
+	modbus_forget_unanswered(&line->devices[line->passed.device], now_ns);
+	if (!modbus_may_pass(line, now_ns))
+		return 0;
+	line->request = modbus_passed_request(&line->passed);
+	return modbus_begin(line, MODBUS_PASS, line->passed.device, now_ns);
+}
+
 /* What keeps its place in the line's turn: however many devices are dead, the living are scanned after each probe. */
 static size_t begin_in_turn(struct modbus_line *line, int64_t now_ns)
 {
@@ -305,6 +320,8 @@ size_t modbus_begin_next(struct modbus_line *line, int64_t now_ns)
 		length = begin_due_read(line, now_ns);
 	if (length == 0)
 		length = begin_identify(line, now_ns);
+	if (length == 0)
+		length = begin_pass(line, now_ns);
 	if (length == 0)
 		length = begin_in_turn(line, now_ns);
 	/* Nobody is kept waiting. */
@@ -346,7 +363,7 @@ static bool is_due(const struct modbus_line *line, const struct modbus_device *d
 
 bool modbus_is_anything_due(const struct modbus_line *line, int64_t now_ns)
 {
-	if (line->command_count > 0 || line->urgent)
+	if (line->command_count > 0 || line->urgent || modbus_may_pass(line, now_ns))
 		return true;
 	for (uint32_t i = 0; i < line->device_count; i++)
 		if (is_due(line, &line->devices[i], now_ns))
@@ -356,7 +373,7 @@ bool modbus_is_anything_due(const struct modbus_line *line, int64_t now_ns)
 
 int64_t modbus_next_due(const struct modbus_line *line, int64_t now_ns)
 {
-	int64_t due = MODBUS_NEVER;
+	int64_t due = modbus_next_pass_ns(line, now_ns);
 
 	for (uint32_t i = 0; i < line->device_count; i++) {
 		const struct modbus_device *device = &line->devices[i];

@@ -88,14 +88,15 @@ struct kind {
 	const char *fixed, *fixed_because;
 	bool by_numbers; /* its modules keep numbers of points: whenever these may change, they start again */
 	const char *group; /* a further one of its processes, by name; NULL: none */
-	/* Where it listens: no two modules may at one port. False: its configuration has it not. Left out: nowhere. */
-	bool (*listens)(const struct map_config *config, struct kind_port *out);
+	/* Where a module listens: no two may at one port. False: its configuration has it not. Left out: nowhere. */
+	bool (*listens)(const struct map_config *config, const char *module, struct kind_port *out);
 	/*
 	 * Opens what its user may not, as a socket with a privileged port: in the new process, before that gives up rtud's
 	 * rights. The module gets it as --socket. -1 with errno: it cannot, and the process ends. Since two cannot have it at
-	 * once, a process that takes another's place begins when that has ended. Left out: nothing.
+	 * once, a process that takes another's place begins when that has ended. Left out, or of a module that listens nowhere
+	 * though some of its kind do: nothing.
 	 */
-	int (*open)(const struct map_config *config);
+	int (*open)(const struct map_config *config, const char *module);
 	/*
 	 * Writes a file about the configuration that the module hands out: in the new process, with the module's rights, so that
 	 * what writes it is no part of a program that faces the network. The module gets it as --file. -1 with errno: the

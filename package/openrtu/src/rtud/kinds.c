@@ -115,6 +115,15 @@ struct kind_run kinds_run(const struct map_module *module, const struct map_conf
 	return run;
 }
 
+int (*kinds_opens(const char *name, const char *module,
+		  const struct map_config *config))(const struct map_config *, const char *)
+{
+	const struct kind *kind = kinds_find(name);
+	struct kind_port port;
+
+	return kind->listens == NULL || kind->listens(config, module, &port) ? kind->open : NULL;
+}
+
 int kinds_highest_priority(const struct map_config *config)
 {
 	int highest = 0;

@@ -48,7 +48,7 @@ static bool listens(const struct map_config *config, uint32_t module, struct kin
 	const struct map_module_plan *plan = &config->modules[module];
 	const struct kind *kind = plan->flags & MAP_IS_GONE ? NULL : kinds_find(plan->kind);
 
-	return kind != NULL && kind->listens != NULL && kind->listens(config, out);
+	return kind != NULL && kind->listens != NULL && kind->listens(config, plan->name, out);
 }
 
 static bool has_ports(const struct map_config *config, FILE *messages)

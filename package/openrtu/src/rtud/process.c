@@ -176,7 +176,7 @@ __attribute__((noreturn)) static void run(const struct process_plan *plan, int p
 	const char *const environment[] = {"PATH=/usr/bin:/bin", NULL};
 	char file[NUMBER_SIZE];
 	int filter = plan->filtered ? filter_open(plan->program) : -1;
-	int opened = plan->open ? plan->open(plan->config) : -1;
+	int opened = plan->open ? plan->open(plan->config, plan->module) : -1;
 
 	if (plan->filtered && filter < 0)
 		give_up("make the filter of", name_of(plan));

@@ -268,8 +268,10 @@ static void begin_module(const struct supervisor *supervisor, const struct map *
 /* What the former process has opened, the new one cannot have beside it. */
 static bool waits_for_the_former(const struct reload *reload, uint32_t index)
 {
+	const struct map_module_plan *plan = map_plan_of(reload->next, index);
+
 	return (reload->exchanged & map_module_bit(index)) &&
-	       kinds_find(map_plan_of(reload->next, index)->kind)->open != NULL;
+	       kinds_opens(plan->kind, plan->name, map_config(reload->next)) != NULL;
 }
 
 static bool start_incoming(struct supervisor *supervisor, uint32_t index)

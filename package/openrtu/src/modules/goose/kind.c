@@ -90,13 +90,14 @@ static int join(int fd, int interface, const struct map_config *config)
 }
 
 /* Bound to the interface, whose frames of this one EtherType it gets; CAP_NET_RAW is rtud's alone. */
-static int open_socket(const struct map_config *config)
+static int open_socket(const struct map_config *config, const char *module)
 {
 	const unsigned interface = if_nametoindex(goose_settings(config)->interface);
 	const struct sockaddr_ll address = {
 	    .sll_family = AF_PACKET, .sll_protocol = htons(GOOSE_ETHERTYPE), .sll_ifindex = (int)interface};
 	int fd;
 
+	(void)module;
 	if (interface == 0)
 		return -1;
 	fd = socket(AF_PACKET, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, 0); /* 0: nothing before bind */

@@ -78,8 +78,9 @@ static enum kind_change change(const struct map_config *before, const struct map
 										: KIND_STARTS_AGAIN;
 }
 
-static bool listens(const struct map_config *config, struct kind_port *out)
+static bool listens(const struct map_config *config, const char *module, struct kind_port *out)
 {
+	(void)module;
 	*out =
 	    (struct kind_port){SOCK_STREAM, iec104_settings(config)->address, iec104_settings(config)->port};
 	return true;

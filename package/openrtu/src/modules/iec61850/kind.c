@@ -54,10 +54,11 @@ static bool plan(struct map_config *config)
 }
 
 /* Port 102 is root's. */
-static int open_socket(const struct map_config *config)
+static int open_socket(const struct map_config *config, const char *module)
 {
 	const struct iec61850_settings *settings = iec61850_settings(config);
 
+	(void)module;
 	return kind_open_port(settings->address, settings->port, SOCK_STREAM);
 }
 
@@ -90,8 +91,9 @@ static bool same(const struct map_config *a, const struct map_config *b, uint32_
 	       same_records(a, b, IEC61850_REPORTS, sizeof(struct iec61850_report));
 }
 
-static bool listens(const struct map_config *config, struct kind_port *out)
+static bool listens(const struct map_config *config, const char *module, struct kind_port *out)
 {
+	(void)module;
 	*out = (struct kind_port){SOCK_STREAM, iec61850_settings(config)->address,
 				  iec61850_settings(config)->port};
 	return true;

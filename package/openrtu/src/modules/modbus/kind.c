@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/socket.h>
 
 #include "modbus/config.h"
 #include "modbus/config_part.h"
@@ -15,17 +16,24 @@
 #define FIRST_USER 3             /* those before are of modules that there is one of */
 #define NAME       "rtu-modbus-" /* and the number of the process */
 
-static const struct call_rule calls[] = {
-    CALL(pread64), /* what the scheduler counts of this process (process/heartbeat.c) */
-    CALL(epoll_wait),  CALL(epoll_pwait),    CALL(epoll_ctl), CALL(timerfd_settime64), CALL(timerfd_settime),
-    SERIAL_PORT_CALLS, TCP_CONNECTION_CALLS, CALL(poll),      CALL(ppoll_time64),      CALL(ppoll),
+/* The first: what the scheduler counts of this process (process/heartbeat.c). */
+#define LINE_CALLS                                                                                           \
+	CALL(pread64), CALL(epoll_wait), CALL(epoll_pwait), CALL(epoll_ctl), CALL(timerfd_settime64),        \
+	    CALL(timerfd_settime), SERIAL_PORT_CALLS, TCP_CONNECTION_CALLS, CALL(poll), CALL(ppoll_time64),  \
+	    CALL(ppoll)
+static const struct call_rule calls[] = {LINE_CALLS};
+static const struct call_rule listening_calls[] = {LINE_CALLS, CALL(accept4), CALL(send), CALL(sendto)};
+
+static const struct kind_program programs[] = {
+    {"rtu-modbus", calls, sizeof(calls) / sizeof(calls[0])},
+    {"rtu-modbus", listening_calls, sizeof(listening_calls) / sizeof(listening_calls[0])},
 };
 
-static const struct kind_program program = {
-    .name = "rtu-modbus",
-    .calls = calls,
-    .call_count = sizeof(calls) / sizeof(calls[0]),
-};
+/* Who connects to no line has no use for a program that could be connected to. */
+static const struct kind_program *choose(const struct map_config *config)
+{
+	return &programs[map_record_count(config, MODBUS_PASSES) > 0];
+}
 
 static int priority(const struct map_config *config)
 {
@@ -70,6 +78,35 @@ static bool plan(struct map_config *config)
 	for (uint32_t i = 0; i < modbus_slave_count(config); i++)
 		config->sets[i].module = modbus_ports(config)[modbus_slaves(config)[i].port].module;
 	return true;
+}
+
+/* ---- where a tool connects ------------------------------------------------------------------- */
+
+static uint16_t process_of(const char *module)
+{
+	return (uint16_t)strtoul(module + strlen(NAME), NULL, 10);
+}
+
+static const struct modbus_pass *pass_of(const struct map_config *config, const char *module)
+{
+	return modbus_pass_of(config, process_of(module));
+}
+
+static bool listens(const struct map_config *config, const char *module, struct kind_port *out)
+{
+	const struct modbus_pass *pass = pass_of(config, module);
+
+	if (pass != NULL)
+		*out = (struct kind_port){SOCK_STREAM, pass->address, pass->tcp_port};
+	return pass != NULL;
+}
+
+/* Port 502 is root's. */
+static int open_socket(const struct map_config *config, const char *module)
+{
+	const struct modbus_pass *pass = pass_of(config, module);
+
+	return kind_open_port(pass->address, pass->tcp_port, SOCK_STREAM);
 }
 
 /* ---- what is the same in two configurations -------------------------------------------------- */
@@ -126,6 +163,20 @@ static bool same_port(const struct map_config *a, const struct modbus_port *of_a
 	return true;
 }
 
+static bool same_pass(const struct map_config *a, const struct map_config *b, const char *module)
+{
+	const struct modbus_pass *in_a = pass_of(a, module), *in_b = pass_of(b, module);
+	struct modbus_pass of_a, of_b;
+
+	if (in_a == NULL || in_b == NULL)
+		return in_a == in_b;
+	of_a = *in_a;
+	of_b = *in_b;
+	of_a.port = modbus_ports(a)[of_a.port].port;
+	of_b.port = modbus_ports(b)[of_b.port].port;
+	return memcmp(&of_a, &of_b, sizeof(of_a)) == 0;
+}
+
 static uint32_t next_port(const struct map_config *config, uint32_t module, uint32_t from)
 {
 	while (from < modbus_port_count(config) && modbus_ports(config)[from].module != module)
@@ -138,8 +189,7 @@ static bool same(const struct map_config *a, const struct map_config *b, uint32_
 {
 	uint32_t i = next_port(a, module, 0), j = next_port(b, module, 0);
 
-	(void)name;
-	if (modbus_settings(a)->priority != modbus_settings(b)->priority)
+	if (modbus_settings(a)->priority != modbus_settings(b)->priority || !same_pass(a, b, name))
 		return false;
 	while (i < modbus_port_count(a) && j < modbus_port_count(b) &&
 	       same_port(a, &modbus_ports(a)[i], b, &modbus_ports(b)[j])) {
@@ -152,15 +202,18 @@ static bool same(const struct map_config *a, const struct map_config *b, uint32_
 static void carry(const struct map_config *before, const void *from, const struct map_config *now, void *to,
 		  const char *module)
 {
-	modbus_carry_stats(before, from, now, to, (uint16_t)strtoul(module + strlen(NAME), NULL, 10));
+	modbus_carry_stats(before, from, now, to, process_of(module));
 }
 
 const struct kind modbus_kind = {
     .name = MODBUS_KIND,
     .part = &modbus_part,
     .plan = plan,
-    .programs = &program,
-    .program_count = 1,
+    .programs = programs,
+    .program_count = sizeof(programs) / sizeof(programs[0]),
+    .choose = choose,
+    .listens = listens,
+    .open = open_socket,
     .priority = priority,
     .same = same,
     .carry = carry,

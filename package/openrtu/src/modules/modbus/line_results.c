@@ -6,6 +6,7 @@
 
 #include "map/time_ns.h"
 #include "modbus/convert.h"
+#include "modules/modbus/passing.h"
 #include "modules/modbus/scaling.h"
 
 #define REFUSALS_AT_ONCE   40 /* what a device with a wrong template lacks */
@@ -363,6 +364,14 @@ static void take_command_answer(void *context, const struct modbus_command *comm
 	commands_answered(results->commands, command->tag, result, exception, map_now_ns());
 }
 
+static void end_passing(void *context, const struct modbus_passed *passed, enum modbus_result result,
+			const uint8_t *body, size_t length, int64_t now_ns)
+{
+	const struct line_results *results = context;
+
+	passing_ended(results->passing, passed, result, body, length, now_ns);
+}
+
 const struct modbus_events line_results_events = {.read = publish_read,
 						  .refused = lose_read,
 						  .alive = device_changed,
@@ -372,4 +381,5 @@ const struct modbus_events line_results_events = {.read = publish_read,
 						  .pause = say_pause,
 						  .turned = say_turned,
 						  .kept = say_kept,
+						  .passed = end_passing,
 						  .stranger = say_stranger};

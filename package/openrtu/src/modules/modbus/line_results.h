@@ -33,6 +33,7 @@ struct line_results {
 	struct map_update *updates;        /* room for the largest device */
 	const struct modbus_point *points; /* of the configuration */
 	struct line_news *news;            /* of its devices */
+	struct passing *passing;           /* of the line that it passes on to */
 	int8_t *exponents;                 /* of all points: what their scale registers say (convert.h) */
 	int64_t scan_ns;                   /* what the line's scan took while this process was not silent */
 };

@@ -23,6 +23,7 @@
 #include "modules/modbus/constants.h"
 #include "modules/modbus/line_counters.h"
 #include "modules/modbus/line_results.h"
+#include "modules/modbus/passing.h"
 #include "modules/modbus/port.h"
 #include "modules/modbus/quality.h"
 #include "modules/modbus/refresh.h"
@@ -48,6 +49,7 @@ struct gateway {
 	struct line_scans *scans;
 	uint32_t port_count;
 	struct commands commands;
+	struct passing passing;
 	struct quality quality;
 	int8_t *exponents; /* of all points */
 	struct heartbeat heartbeat;
@@ -170,6 +172,7 @@ static void set_up_port(struct gateway *gateway, uint32_t number, const char *di
 					 .config = port->config,
 					 .line = &port->line,
 					 .commands = &gateway->commands,
+					 .passing = &gateway->passing,
 					 .quality = &gateway->quality,
 					 .updates = gateway->updates,
 					 .news = new_news(port->config->device_count),
@@ -225,6 +228,16 @@ static void set_up_commands(struct gateway *gateway)
 			      .write = write_to_line,
 			      .context = gateway};
 	commands_resume(&gateway->commands);
+}
+
+/* A tool's requests go to a line of this process, if the configuration has it so. */
+static bool set_up_passing(struct gateway *gateway, int listener)
+{
+	const struct modbus_pass *pass = modbus_pass_of(gateway->config, gateway->ports[0].config->process);
+
+	return pass == NULL ||
+	       passing_begin(&gateway->passing, gateway->map, pass, &port_of_line(gateway, pass->port)->line,
+			     listener, gateway->epoll_fd);
 }
 
 static void release_ports(struct gateway *gateway)
@@ -314,6 +327,8 @@ static void wait_and_take(struct gateway *gateway)
 			gateway->armed_ns = 0;
 		else if (events[i].data.ptr == &gateway->heartbeat_fd)
 			take_heartbeat(gateway);
+		else if (passing_has(&gateway->passing, events[i].data.ptr))
+			passing_wake(&gateway->passing, events[i].data.ptr, map_now_ns());
 		else
 			port_wake(events[i].data.ptr);
 	}
@@ -330,6 +345,7 @@ static void beat(struct gateway *gateway, int64_t now_ns)
 	if (!refresh_holds(&gateway->refresh, gateway->heartbeat.beaten_ns, now_ns))
 		heartbeat_beat(&gateway->heartbeat, gateway->map, now_ns);
 	map_totals_tick(gateway->map);
+	passing_watch(&gateway->passing, now_ns);
 	for (uint32_t i = 0; i < gateway->port_count; i++)
 		line_counters_show(&gateway->ports[i]);
 }
@@ -345,12 +361,20 @@ static void tell_scan(struct gateway *gateway, uint32_t port)
 	synched_ended(&scans->synched);
 }
 
+/* The line looks at it now. */
+static void offer_passing(struct gateway *gateway, int64_t now_ns)
+{
+	if (passing_offer(&gateway->passing, now_ns))
+		port_of_line(gateway, gateway->passing.pass->port)->deadline_ns = 0;
+}
+
 static void take_turn(struct gateway *gateway)
 {
 	int64_t now_ns = map_now_ns();
 
 	beat(gateway, now_ns);
 	commands_run(&gateway->commands, now_ns);
+	offer_passing(gateway, now_ns);
 	for (uint32_t i = 0; i < gateway->port_count; i++)
 		if (now_ns >= gateway->ports[i].deadline_ns) {
 			port_serve(&gateway->ports[i], gateway->due_ns);
@@ -390,7 +414,7 @@ int main(int argc, char **argv)
 	set_up_ports(&gateway, options.devices);
 	set_up_commands(&gateway);
 	heartbeat_begin(&gateway.heartbeat, gateway.map);
-	if (!set_up_waiting(&gateway)) {
+	if (!set_up_waiting(&gateway) || !set_up_passing(&gateway, options.socket_fd)) {
 		map_log(gateway.map, MAP_LOG_ERROR, "cannot set up waiting: %s", strerror(errno));
 		return MODULE_FAILED;
 	}

@@ -52,13 +52,14 @@ static bool plan(struct map_config *config)
 /* ---- what the module's user may not ------------------------------------------------------ */
 
 /* A port below 1024 is root's. An answer leaves from the address that was asked. */
-static int open_socket(const struct map_config *config)
+static int open_socket(const struct map_config *config, const char *module)
 {
 	const struct snmp_settings *settings = snmp_settings(config);
 	const int fd = kind_open_port(settings->address, settings->port, SOCK_DGRAM), on = 1;
 	int family = AF_UNSPEC;
 	socklen_t size = sizeof(family);
 
+	(void)module;
 	if (fd < 0)
 		return -1;
 	getsockopt(fd, SOL_SOCKET, SO_DOMAIN, &family, &size);
@@ -180,8 +181,9 @@ static void carry(const struct map_config *before, const void *from, const struc
 	carry_stations(now, &former, to);
 }
 
-static bool listens(const struct map_config *config, struct kind_port *out)
+static bool listens(const struct map_config *config, const char *module, struct kind_port *out)
 {
+	(void)module;
 	*out = (struct kind_port){SOCK_DGRAM, snmp_settings(config)->address, snmp_settings(config)->port};
 	return true;
 }

@@ -72,10 +72,11 @@ static void run(const struct map_config *config, const char *module, struct kind
 }
 
 /* A port below 1024 is root's. */
-static int open_socket(const struct map_config *config)
+static int open_socket(const struct map_config *config, const char *module)
 {
 	const struct web_settings *settings = web_settings(config);
 
+	(void)module;
 	return kind_open_port(settings->address, settings->port, SOCK_STREAM);
 }
 
@@ -93,8 +94,9 @@ static bool same(const struct map_config *a, const struct map_config *b, uint32_
 	return memcmp(web_settings(a), web_settings(b), sizeof(struct web_settings)) == 0;
 }
 
-static bool listens(const struct map_config *config, struct kind_port *out)
+static bool listens(const struct map_config *config, const char *module, struct kind_port *out)
 {
+	(void)module;
 	*out = (struct kind_port){SOCK_STREAM, web_settings(config)->address, web_settings(config)->port};
 	return true;
 }

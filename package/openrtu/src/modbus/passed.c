@@ -1,0 +1,132 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* Requests of somebody else's, which a line passes on as they are (line.h, "What is passed on"). */
+#include <string.h>
+
+#include "line_parts.h"
+#include "map/time_ns.h"
+
+#define HEAD_LENGTH    2 /* unit, function */
+#define EXCEPTION_BODY 3
+#define WHOLE          100 /* percent */
+
+bool modbus_reads_only(const uint8_t *body, size_t length)
+{
+	switch (body[1]) {
+	case MODBUS_READ_COILS:
+	case MODBUS_READ_DISCRETE_INPUTS:
+	case MODBUS_READ_HOLDING_REGISTERS:
+	case MODBUS_READ_INPUT_REGISTERS:
+	case MODBUS_READ_EXCEPTION_STATUS:
+	case MODBUS_READ_EVENT_COUNTER:
+	case MODBUS_READ_EVENT_LOG:
+	case MODBUS_REPORT_SERVER:
+	case MODBUS_READ_FILE:
+	case MODBUS_READ_FIFO:
+		return true;
+	case MODBUS_ENCAPSULATED:
+		return length > HEAD_LENGTH && body[HEAD_LENGTH] == MODBUS_IDENTIFICATION;
+	default:
+		return false;
+	}
+}
+
+size_t modbus_put_body(const struct modbus_line *line, uint8_t *body)
+{
+	if (line->purpose != MODBUS_PASS)
+		return modbus_request_body(&line->request, body);
+	memcpy(body, line->passed.body, line->passed.length);
+	return line->passed.length;
+}
+
+bool modbus_line_pass(struct modbus_line *line, const struct modbus_passed *passed)
+{
+	if (line->state == MODBUS_CLOSED || line->passing)
+		return false;
+	line->passed = *passed;
+	line->passing = true;
+	return true;
+}
+
+/* ---- whose turn it is ---------------------------------------------------------------------------------- */
+
+int64_t modbus_pass_timeout(const struct modbus_line *line, const struct modbus_device *device)
+{
+	if (!device->alive || !modbus_reads_only(line->passed.body, line->passed.length))
+		return device->response_timeout_ns;
+	return modbus_identify_timeout(device);
+}
+
+/* Until the longest answer has come, of a device that is as quick as it has been. */
+static int64_t longest_ns(const struct modbus_line *line, const struct modbus_device *device)
+{
+	const int64_t timeout_ns =
+	    device->alive ? modbus_identify_timeout(device) : device->response_timeout_ns;
+
+	return line->wire.before_ns + timeout_ns + line->wire.gap_ns +
+	       (int64_t)(MODBUS_FRAME_MAX + line->passed.length) * line->wire.char_ns;
+}
+
+static bool is_under_way(const struct modbus_line *line)
+{
+	return line->state == MODBUS_WAITING && line->purpose == MODBUS_PASS;
+}
+
+bool modbus_may_pass(const struct modbus_line *line, int64_t now_ns)
+{
+	const struct modbus_device *device = &line->devices[line->passed.device];
+
+	return line->passing && !is_under_way(line) && now_ns >= line->pass_free_ns &&
+	       now_ns >= modbus_surely_ready_ns(device) && device->unanswered_count == 0 &&
+	       !device->inherited && modbus_is_room(line, now_ns + longest_ns(line, device));
+}
+
+int64_t modbus_next_pass_ns(const struct modbus_line *line, int64_t now_ns)
+{
+	int64_t may_ns;
+
+	if (!line->passing || is_under_way(line))
+		return MODBUS_NEVER;
+	may_ns = later(line->pass_free_ns, modbus_surely_ready_ns(&line->devices[line->passed.device]));
+	return may_ns > now_ns ? earlier(may_ns, line->passed.deadline_ns + 1) : line->passed.deadline_ns + 1;
+}
+
+bool modbus_pass_is_known(uint8_t function)
+{
+	return modbus_is_read(function) || function == MODBUS_WRITE_COIL ||
+	       function == MODBUS_WRITE_REGISTER || function == MODBUS_WRITE_COILS ||
+	       function == MODBUS_WRITE_REGISTERS;
+}
+
+struct modbus_request modbus_passed_request(const struct modbus_passed *passed)
+{
+	const uint8_t *body = passed->body;
+	struct modbus_request request = {.unit = body[0], .function = body[1]};
+
+	if (modbus_pass_is_known(request.function) && passed->length >= HEAD_LENGTH + 2 * sizeof(uint16_t)) {
+		request.address = modbus_register(body + HEAD_LENGTH, 0);
+		request.count = request.values[0] = modbus_register(body + HEAD_LENGTH, 1);
+	}
+	return request;
+}
+
+/* ---- how it ends --------------------------------------------------------------------------------------- */
+
+void modbus_pass_ended(struct modbus_line *line, enum modbus_result result, const uint8_t *body,
+		       size_t length, int64_t now_ns)
+{
+	if (!line->passing)
+		return;
+	line->passing = false;
+	if (line->pass_share > 0 && (result == MODBUS_DONE || result == MODBUS_TIMED_OUT))
+		line->pass_free_ns =
+		    now_ns + (now_ns - begun_ns(line)) * (WHOLE - line->pass_share) / line->pass_share;
+	line->events->passed(line->context, &line->passed, result, body, length, now_ns);
+}
+
+bool modbus_answers_pass(const struct modbus_line *line, const uint8_t *body, size_t length)
+{
+	if (length < HEAD_LENGTH || body[0] != line->passed.body[0])
+		return false;
+	return body[1] == line->passed.body[1] ||
+	       (body[1] == (line->passed.body[1] | MODBUS_EXCEPTION_BIT) && length == EXCEPTION_BODY);
+}
