@@ -18,6 +18,7 @@ from pymodbus.client import ModbusTcpClient
 
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.linesim import LineSim
+from openrtu_tools.cli import main
 from rig.configuration import check_document
 from rig.desk import everything_read, patience
 
@@ -118,6 +119,16 @@ def test_what_is_not_allowed_does_not_reach_the_line(line: Line, tool: ModbusTcp
 def test_silence_is_told_as_such(line: Line, tool: ModbusTcpClient) -> None:
     assert tool.read_holding_registers(40, count=1, device_id=ABSENT).exception_code == NO_TARGET
     assert everything_read(line.gateway)
+
+
+def test_openrtu_goes_through_the_gateways_line(line: Line, capsys: pytest.CaptureFixture[str]) -> None:
+    where = [f"127.0.0.1:{line.port}", "--unit", f"{UNIT}", "--timeout", f"{WAIT_S}"]
+    assert main(["read", *where, "h40", "--count", "2"]) == 0
+    assert [line.split()[-1] for line in capsys.readouterr().out.splitlines()] == ["4000", "4001"]
+    assert main(["write", *where, "h41", "4001"]) == 0
+    assert "as written" in capsys.readouterr().out
+    assert main(["read", *where, "c3"]) != 0
+    assert "does not allow this" in capsys.readouterr().err
 
 
 def request(transaction: int, unit: int, pdu: bytes) -> bytes:

@@ -93,7 +93,10 @@ EXCEPTIONS = {
     5: ("acknowledge", "ask again in a moment: the device needs longer"),
     6: ("server device busy", "ask again in a moment"),
     8: ("memory parity error", "look at the device itself: its memory is damaged"),
-    10: ("gateway path unavailable", "look at the gateway before the device: it has no path to this unit"),
+    10: (
+        "gateway path unavailable",
+        "look at the gateway before the device: it has no path to this unit, or does not allow this",
+    ),
     11: ("gateway target device failed to respond", "check the unit, and the line behind the gateway"),
 }
 

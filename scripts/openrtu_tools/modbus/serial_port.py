@@ -91,7 +91,8 @@ def held(device: str) -> PortHeld:
     if any(holder.startswith(OF_THE_GATEWAY) for holder in holders):
         return PortHeld(
             f"{device} is a line of the gateway: {', '.join(holders)} has locked it",
-            next_step='ask the gateway (rtuctl show), or free the line: "active": 0 at its port, and reload',
+            next_step='ask the gateway (rtuctl show), or HOST:PORT of the "pass_through" of its port, '
+            'or free the line: "active": 0 at its port, and reload',
         )
     whose = ", ".join(holders) or "another process"
     return PortHeld(f"{device} is used by {whose}", next_step="close that program")
