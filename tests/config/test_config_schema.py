@@ -141,6 +141,7 @@ COMPANIONS: dict[str, dict[str, Any]] = {
     "bit_order": {"type": "double"},
     "word_order": {"type": "float"},
     "bits": {"ioa": 60010},
+    "length": {"format": "string"},
     "decimals": {"type": "float"},
     "register_bits.bit_order": {"type": "double"},
     "counter_group": {"type": "counter"},
@@ -340,6 +341,8 @@ def accepted_values(key: str, rule: dict[str, Any]) -> list[Any]:
         return [0, 4, 6, 1029]  # the first is 5
     if key == "scale_register":
         return [0, 4, 6, 129]  # one answer has at most 125, from 5 on
+    if key == "format":
+        return [name for name in rule["enum"] if not name.startswith("string")]  # which need a length
     if "enum" in rule:
         return rule["enum"]
     if rule.get("type") == "boolean":
@@ -455,7 +458,7 @@ def test_schema_and_loader_require_the_same_keys(programs: Path, tmp_path: Path,
     if site.definition == "object":
         required.add("address")  # or register
     target = f"{site.place}." if site.place else ""
-    for key in set(site.properties()) - {"active"}:
+    for key in set(site.properties()) - {"active", "length"}:  # this one a format needs
         document = with_key(site, key, 0)
         edit(document, target + key, REMOVED)
         message = f"{target}{key}: is missing"
@@ -631,3 +634,36 @@ def test_page_shows_the_examples() -> None:
     templates, report = map(json.loads, blocks)
     assert report == report_file()
     assert list(VALIDATOR.iter_errors(templates)) == []
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {"format": "string", "length": 32},
+        {"format": "string16", "length": 1, "type": "bitstring", "byte_order": "little", "period_ms": 1000},
+        {"format": "string"},
+        {"length": 4},
+        {"format": "string", "length": 4, "type": "float"},
+        *(
+            {"format": "string", "length": 4} | {key: value}
+            for key, value in (
+                ("word_order", "big"),
+                ("select", True),
+                ("write_address", 9),
+                ("names", {"0": "off"}),
+                ("scale", 2.0),
+                ("bits", [0, 3]),
+                ("background_ms", 1000),
+                ("deadband", 1.0),
+                ("unit", "V"),
+                ("write_only", True),
+            )
+        ),
+    ],
+    ids=str,
+)
+def test_schema_and_loader_agree_on_texts(programs: Path, tmp_path: Path, keys: dict[str, Any]) -> None:
+    document = small_file()
+    document["port"][0]["slaves"][1]["holding_registers"].append({"address": 300, "ioa": 300} | keys)
+    result = check_document(programs, tmp_path, document)
+    assert VALIDATOR.is_valid(document) == (result.returncode == 0), result.stderr

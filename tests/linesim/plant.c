@@ -75,6 +75,8 @@ static long width(json_t *object)
 
 	if (json_object_get(object, "bit") || json_object_get(object, "bits"))
 		return 1;
+	if (json_is_integer(json_object_get(object, "length"))) /* a text */
+		return (long)json_integer_value(json_object_get(object, "length"));
 	for (size_t i = 0; format && i < sizeof formats / sizeof *formats; i++)
 		if (strcmp(format, formats[i].name) == 0)
 			return formats[i].width;

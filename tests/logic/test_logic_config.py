@@ -46,7 +46,11 @@ def document() -> dict[str, Any]:
         "id": 10,
         "coils": [{"address": 0, "name": "breaker"}],
         "discrete_inputs": [{"address": 0, "name": "door"}],
-        "input_registers": [{"address": 0, "name": "tank.level"}, {"address": 1, "type": "float"}],
+        "input_registers": [
+            {"address": 0, "name": "tank.level"},
+            {"address": 1, "type": "float"},
+            {"address": 3, "format": "string", "length": 4, "name": "serial"},
+        ],
     }
     points = [
         {"name": "order", "ioa": 1, "select": True},
@@ -106,6 +110,7 @@ def without(config: dict[str, Any], name: str) -> None:
         (lambda c: c["logic"][0]["names"].update(level=5), "names.level: expected the name of a point"),
         (lambda c: c["logic"][0]["names"].update(level="door"), "declares level with a type that no single"),
         (lambda c: c["logic"][0]["names"].update(level="p1.10.i1"), "level with a type that no float point"),
+        (lambda c: c["logic"][0]["names"].update(level="serial"), "level, which is a text: no point of a"),
         (
             lambda c: c["logic"][0]["names"].update(breaker="door"),
             "commands breaker, which takes no commands",

@@ -62,6 +62,7 @@ NO_BITS = b"\0"
 METER_POWER, POWER_FACTOR = "2020.30015", "2020.30007"
 PERIOD_MS = 400
 METER, FIRST, AT_ONCE = "4.40", 100, 20  # registers that change together
+SERIAL = 500  # of it, a text
 SINK_TIMEOUT_S = 0.5
 
 
@@ -113,7 +114,8 @@ def with_units(config: dict[str, Any]) -> dict[str, Any]:
     by_address[12]["background_ms"] = 86_400_000
     by_address[6]["decimals"] = 5
     registers = [{"address": FIRST + i, "type": "scaled"} for i in range(AT_ONCE)]
-    config["port"][3]["slaves"][0]["input_registers"] += registers
+    text = {"address": SERIAL, "format": "string", "length": 4, "name": "serial", "period_ms": PERIOD_MS}
+    config["port"][3]["slaves"][0]["input_registers"] += [*registers, text]
     return config
 
 

@@ -20,7 +20,20 @@ from lab.gateway import free_port
 from lab.manager import CENTRE, ENGINE, ENGINEER, USERS, WATCH, Refused, Silent, User, columns, oid
 from lab.patience import Deadline
 from openrtu_tools.codes import QUALITIES
-from rig.snmp import BREAKER, CYCLIC, METER_POWER, ON, POWER_FACTOR, SELECT, Site, bulk, relayed, site_of
+from rig.snmp import (
+    BREAKER,
+    CYCLIC,
+    METER,
+    METER_POWER,
+    ON,
+    POWER_FACTOR,
+    SELECT,
+    SERIAL,
+    Site,
+    bulk,
+    relayed,
+    site_of,
+)
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -102,6 +115,7 @@ VALUES = {
     "scaled": ("rtuMeasured", int),
     "float": ("rtuMeasured", None),
     "counter": ("rtuTotal", int),
+    "text": ("rtuText", str.encode),
 }
 
 
@@ -123,6 +137,17 @@ def test_every_point_is_as_rtuctl_says(site: Site) -> None:
         assert qualities[index] == bytes([quality]), name
         if not quality and shown is not None:
             assert values[index] == shown(point["value"]), name
+
+
+def test_a_text_is_told_as_it_is(site: Site) -> None:
+    for place, octets in enumerate((b"SN", b"\xb51", b"7\x1b")):
+        site.desk.lines.set(METER, "input_registers", SERIAL + place, int.from_bytes(octets))
+    site.desk.gateway.wait_for(
+        lambda: site.desk.gateway.points()["serial"]["value"] == "SNµ17?", 60.0, "the text is read"
+    )
+    (index, text), *others = site.manager(WATCH).walk("rtuTextValue").items()
+    assert (text, others) == ("SNµ17?".encode(), [])
+    assert index in site.manager(WATCH).walk("rtuBitstringValue")
 
 
 def test_a_float_has_the_decimals_that_it_is_given(site: Site) -> None:

@@ -13,10 +13,10 @@ from openrtu_tools.modbus import registers, serial_port
 from openrtu_tools.modbus.ascii_text import AsciiStream
 from openrtu_tools.modbus.frames import BIT_TABLES, BROADCAST
 from openrtu_tools.modbus.links import Link, RtuLink, SerialStream, SocketStream, Stream, TcpLink
-from openrtu_tools.modbus.made import BYTE_ORDERS, FORMATS, WORD_ORDERS
+from openrtu_tools.modbus.made import BYTE_ORDERS, WORD_ORDERS
 from openrtu_tools.modbus.registers import Place
 from openrtu_tools.modbus.serial_port import PARITIES, SPEEDS, Settings
-from openrtu_tools.modbus.values import WITHOUT, Layout
+from openrtu_tools.modbus.values import NUMBERS, WITHOUT, Layout
 
 PORT = 502
 UNIT_LAST = 255
@@ -89,9 +89,9 @@ def add_layout(parser: argparse.ArgumentParser) -> None:
     layout = parser.add_argument_group("of registers, as the keys of an object (docs/configuration.md)")
     layout.add_argument(  # a page of the manual has no line that is as long as all of them
         "--format",
-        choices=FORMATS,
+        choices=NUMBERS,
         metavar="FORMAT",
-        help=f"what they hold: {', '.join(FORMATS)} [{WITHOUT}]",
+        help=f"what they hold: {', '.join(NUMBERS)} [{WITHOUT}]",
     )
     layout.add_argument("--word-order", choices=WORD_ORDERS, default=WORD_ORDERS[0], help="[big]")
     layout.add_argument("--byte-order", choices=BYTE_ORDERS, default=BYTE_ORDERS[0], help="[big]")

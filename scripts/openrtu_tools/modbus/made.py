@@ -29,6 +29,8 @@ FORMATS = (
     "mod10_32",
     "mod10_48",
     "mod10_64",
+    "string",
+    "string16",
 )
 WORD_ORDERS = (
     "big",

@@ -9,9 +9,11 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from openrtu_tools.modbus.made import BYTE_ORDERS, WORD_ORDERS
+from openrtu_tools.modbus.made import BYTE_ORDERS, FORMATS, WORD_ORDERS
 
 FORMAT = re.compile(r"(?P<kind>u?int|float|bcd|mod10_|fixed24_)(?P<size>\d+)")
+TEXTS = ("string", "string16")  # of the gateway's objects alone, which say how long they are
+NUMBERS = tuple(name for name in FORMATS if name not in TEXTS)
 FLOATS = {32: "f", 64: "d"}  # as struct calls them, by their bits
 MOD10 = 10_000  # of a register, which has a sign
 FIXED_ONE = 256  # of fixed24_8: 24 bits before the point

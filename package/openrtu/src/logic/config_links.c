@@ -37,6 +37,9 @@ static void check_foreign(struct config_loader *loader, const struct logic_readi
 	else if (logic_decides(&reading->logic, name))
 		config_error(&loader->report, here, "has a REQUEST for %s, which is not among its points",
 			     name);
+	else if (is->flags & MAP_POINT_TEXT)
+		config_error(&loader->report, here,
+			     "declares %s, which is a text: no point of a program is a STRING", name);
 	else if (!logic_value_fits((enum map_type)is->type, point->type, false))
 		config_error(&loader->report, here, "declares %s with a type that no %s point fits", name,
 			     map_types[is->type].name);

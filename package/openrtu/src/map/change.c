@@ -261,6 +261,8 @@ static void carry_cells(const struct carriage *carriage, const struct map_point 
 	} else if (is_measured(before)) {
 		memcpy(&to->parameters[now->extra], &from->parameters[before->extra],
 		       sizeof(*to->parameters));
+	} else if ((before->flags & MAP_POINT_TEXT) && (now->flags & MAP_POINT_TEXT)) {
+		to->texts[now->extra] = from->texts[before->extra];
 	}
 }
 

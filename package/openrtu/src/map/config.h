@@ -54,6 +54,7 @@ enum map_point_flag {
 	MAP_POINT_RETAIN = 1u << 4,     /* its value and quality outlive the process of its owner */
 	MAP_POINT_LIMITS = 1u << 5,     /* it has some (map/limits.h) */
 	MAP_POINT_NEVER_READ = 1u << 6, /* it takes commands, and has no value */
+	MAP_POINT_TEXT = 1u << 7,       /* a bitstring that stands for a text: map/text.h */
 };
 
 /*
@@ -90,7 +91,7 @@ struct map_point {
 	float min, max;   /* within which the point is commanded, in that unit */
 	uint32_t slot;    /* place among its owner's points; set by map_create */
 	uint32_t command; /* place among its owner's commands; set by map_create */
-	/* Place among its owner's totals, of a counter, or parameters, of a measured value; set by map_create. */
+	/* Place among its owner's totals, of a counter, parameters, of a measured value, or texts; set by map_create. */
 	uint32_t extra;
 };
 

@@ -84,6 +84,8 @@ static void assign_slots(struct config_header *header, const struct map_config *
 			point->extra = owner->total_count++;
 		else if (is_measured(point))
 			point->extra = owner->parameter_count++;
+		else if (point->flags & MAP_POINT_TEXT)
+			point->extra = owner->text_count++;
 	}
 	for (uint32_t i = 0; i < header->module_count; i++) {
 		header->modules[i].first_owned = owned;

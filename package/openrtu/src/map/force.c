@@ -33,6 +33,8 @@ const char *map_unforceable(const struct map_config *config, uint32_t point)
 		return "is sent without quality, so nobody could tell that it is forced";
 	if (object->flags & MAP_POINT_NEVER_READ)
 		return "takes commands and has no value";
+	if (object->flags & MAP_POINT_TEXT)
+		return "is a text, for which nobody can enter another";
 	if (is_of_a_position(config, point))
 		return "is a part of a position, which is sent as a whole";
 	return NULL;

@@ -63,6 +63,7 @@ struct layout layout_of(const struct module_entry *entry)
 	layout.commands = section(&layout, entry->command_count * sizeof(struct command_cell));
 	layout.totals = section(&layout, entry->total_count * sizeof(struct total_cell));
 	layout.parameters = section(&layout, entry->parameter_count * sizeof(struct parameter_cell));
+	layout.texts = section(&layout, entry->text_count * sizeof(struct text_cell));
 	layout.covers = section(&layout, MAP_FORCES_MAX * sizeof(struct cover));
 	return layout;
 }
@@ -88,6 +89,7 @@ void segment_place(struct segment *segment, void *memory, const struct layout *l
 	segment->commands = at(memory, layout->commands);
 	segment->totals = at(memory, layout->totals);
 	segment->parameters = at(memory, layout->parameters);
+	segment->texts = at(memory, layout->texts);
 	segment->covers = at(memory, layout->covers);
 	segment->queues = at(memory, layout->queues);
 	segment->own = at(memory, layout->own);
@@ -103,7 +105,7 @@ uint32_t layout_fingerprint(void)
 	    sizeof(struct map_event),      sizeof(struct map_request),    sizeof(struct map_answer),
 	    sizeof(struct command_cell),   sizeof(struct map_log_line),   sizeof(struct queue_cell),
 	    sizeof(struct total_cell),     sizeof(struct parameter_cell), sizeof(struct counter_entry),
-	    sizeof(struct config_header),  sizeof(struct cover),
+	    sizeof(struct config_header),  sizeof(struct cover),          sizeof(struct text_cell),
 	};
 	uint32_t hash = MAP_HASH_BASIS;
 

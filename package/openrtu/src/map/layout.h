@@ -18,7 +18,7 @@
 
 #define MAP_MAGIC    0x5552544Fu /* "ORTU" */
 #define CONFIG_MAGIC 0x4352544Fu /* "ORTC" */
-#define MAP_LAYOUT   18u         /* raise with every change of what lies in the segments */
+#define MAP_LAYOUT   19u         /* raise with every change of what lies in the segments */
 
 /* The first bytes of every segment, written by its owner. */
 struct segment_header {
@@ -59,6 +59,11 @@ struct total_cell {
 	map_latch latch;
 	uint32_t reserved;
 	struct map_total copies[2];
+};
+
+/* The text that a point has, and the one before or the next: which is which, the point's value says. */
+struct text_cell {
+	char texts[2][MAP_TEXT_SIZE];
 };
 
 /* Parameters of a measured value, each independent of the others and written at once. */
@@ -109,6 +114,7 @@ struct module_entry {
 	uint32_t command_count;
 	uint32_t total_count;
 	uint32_t parameter_count;
+	uint32_t text_count;
 	uint32_t first_owned; /* its points, by their slots, from there on in the table of owned points */
 	uint32_t made;        /* the epoch for which its segment was made, which is in the file's name */
 };
@@ -169,7 +175,7 @@ struct layout {
 	size_t requests, answers, events, log;
 	size_t latches; /* one a set of the module's */
 	size_t samples[2];
-	size_t commands, totals, parameters, covers;
+	size_t commands, totals, parameters, texts, covers;
 	size_t queues;
 	size_t own, counters;
 	size_t size;
@@ -185,6 +191,7 @@ struct segment {
 	struct command_cell *commands;
 	struct total_cell *totals;
 	struct parameter_cell *parameters;
+	struct text_cell *texts;
 	struct cover *covers; /* MAP_FORCES_MAX; NULL: it owns no points */
 	struct queue_cell *queues;
 	void *own; /* map_section */

@@ -8,6 +8,9 @@
 
 #include "config.h"
 
+#define MAP_TEXT_SIZE                                                                                        \
+	132 /* of a point's text: 64 characters of two octets of UTF-8 and the terminator, in words */
+
 union map_value {
 	int32_t i;
 	uint32_t u;

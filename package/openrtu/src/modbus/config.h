@@ -24,6 +24,7 @@
 #define MODBUS_PASSES   MAP_SECTION_ID('M', 'B', 'P', 'A')
 
 #define MODBUS_KNOTS_MAX UINT16_MAX /* of all scaling tables */
+#define MODBUS_TEXT_MAX  32         /* registers of a text */
 
 struct modbus_settings {
 	uint8_t priority;            /* SCHED_FIFO 1..99, 0: none */
@@ -154,14 +155,14 @@ struct modbus_pass {
 
 /* Where a point's value is in its slave, and how it stands there; at the number of the point. */
 struct modbus_point {
-	uint16_t address;             /* from 0 */
-	uint16_t second_address;      /* of the second of two bits, or of the scale register */
+	uint16_t address;        /* from 0 */
+	uint16_t second_address; /* of the second of two bits, of the scale register, of a text's last one */
 	uint32_t scan_period_ms : 27; /* between two reads of the device, 0: it is read in turn */
 	uint32_t type : 5;            /* enum map_type, as the point has it */
 	uint32_t flags : 8;           /* enum modbus_point_flag */
 	uint32_t knot_count : 6;      /* of its scaling table, 0: scale and offset hold */
 	uint32_t format : 5;          /* enum modbus_format */
-	uint32_t width : 3;           /* bits or registers it covers: 1 to 4 */
+	uint32_t width : 3;           /* bits or registers it covers: 1 to 4; 0: of a text, modbus_width_of */
 	uint32_t table : 2;           /* enum modbus_table */
 	uint32_t bit : 4;    /* of bits of a register: the number of the first, 0 is the least significant */
 	uint32_t field : 4;  /* of a number in some bits of a register: how many, 0: it has whole registers */
@@ -306,6 +307,18 @@ static inline bool modbus_is_part_of_register(const struct modbus_point *point)
 	return modbus_is_register_bit(point) || modbus_is_field(point);
 }
 
+/* The registers are a text: the point has MAP_POINT_TEXT. */
+static inline bool modbus_is_text(const struct modbus_point *point)
+{
+	return modbus_is_string((enum modbus_format)point->format);
+}
+
+/* Bits or registers that it covers. */
+static inline uint32_t modbus_width_of(const struct modbus_point *point)
+{
+	return modbus_is_text(point) ? point->second_address - point->address + 1u : point->width;
+}
+
 /* A counter of it goes round at 65 536, and the map counts on: MAP_UPDATE_NARROW. */
 static inline bool modbus_counts_16_bits(const struct modbus_point *point)
 {
@@ -332,7 +345,7 @@ struct modbus_extent {
 
 static inline struct modbus_extent modbus_extent_of(const struct modbus_point *point)
 {
-	struct modbus_extent extent = {point->address, point->address + point->width - 1u};
+	struct modbus_extent extent = {point->address, point->address + modbus_width_of(point) - 1u};
 
 	if (point->type == MAP_DOUBLE && point->width == 2)
 		extent.last = point->second_address;

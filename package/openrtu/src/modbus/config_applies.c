@@ -49,3 +49,18 @@ const struct modbus_applies modbus_applies_to[OBJECT_KEYS] = {
     [OBJECT_WRITE_AT_RETURN] = {.types = OF_ONE_WRITE, .of_commands = true},
     [OBJECT_WRITE_EVERY] = {.types = OF_ONE_WRITE, .of_commands = true},
 };
+
+/* A text is a bitstring that is read, and nothing else. */
+bool modbus_applies_to_texts(unsigned key)
+{
+	static const unsigned of_numbers[] = {
+	    OBJECT_NAMES,  OBJECT_BITS,           OBJECT_WORD_ORDER, OBJECT_UNIT,          OBJECT_SCALE,
+	    OBJECT_OFFSET, OBJECT_SCALE_REGISTER, OBJECT_BACKGROUND, OBJECT_WRITE_ADDRESS, OBJECT_WRITE_ONLY};
+	const struct modbus_applies *applies = &modbus_applies_to[key];
+
+	for (size_t i = 0; i < sizeof(of_numbers) / sizeof(of_numbers[0]); i++)
+		if (of_numbers[i] == key)
+			return false;
+	return !applies->of_commands &&
+	       (applies->types == 0 || (applies->types & MODBUS_TYPE(MAP_BITSTRING)));
+}

@@ -28,7 +28,7 @@ static int by_address(const void *left, const void *right)
 	int by_device = order(a->point.set, b->point.set);
 	int by_table = order(a->wire.table, b->wire.table);
 	int by_start = order(a->wire.address, b->wire.address);
-	int by_width = order(a->wire.width, b->wire.width);
+	int by_width = order(modbus_width_of(&a->wire), modbus_width_of(&b->wire));
 
 	if (by_device != 0 || by_table != 0)
 		return by_device != 0 ? by_device : by_table;
@@ -101,7 +101,7 @@ static uint32_t ranges_of(const struct modbus_entry *entry, struct range *out)
 	uint32_t first = point->address, second = point->second_address;
 
 	if (point->width != 2 || point->type != MAP_DOUBLE || second == first + 1) {
-		out[0] = (struct range){entry, first, first + point->width};
+		out[0] = (struct range){entry, first, first + modbus_width_of(point)};
 		return 1;
 	}
 	out[0] = (struct range){entry, first, first + 1};

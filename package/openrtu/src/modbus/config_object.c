@@ -10,6 +10,8 @@
 
 /* What lies between two bits of a double is read with them: one answer of Modbus holds it. */
 #define APART_MAX 1024
+/* A text changes seldom, and when its device is back all of it is read anyway. */
+#define TEXT_PERIOD_MS 3600000u
 
 static const uint32_t first_ioa[] = {1, 10001, 30001, 40001};
 
@@ -17,7 +19,9 @@ static enum map_type object_type(const struct config_value *values, enum modbus_
 {
 	if (values[OBJECT_TYPE].given)
 		return (enum map_type)values[OBJECT_TYPE].integer;
-	return modbus_is_bit_table(table) || values[OBJECT_BIT].given ? MAP_SINGLE : MAP_SCALED;
+	if (modbus_is_bit_table(table) || values[OBJECT_BIT].given)
+		return MAP_SINGLE;
+	return modbus_object_is_text(values) ? MAP_BITSTRING : MAP_SCALED;
 }
 
 static void check_type(struct modbus_loader *loader, const struct config_place *object, enum map_type type,
@@ -37,7 +41,7 @@ static void check_type(struct modbus_loader *loader, const struct config_place *
 static void check_meaning(struct modbus_loader *loader, const struct config_place *object,
 			  const struct config_value *values, enum map_type type, enum modbus_table table)
 {
-	for (unsigned key = 0; key < OBJECT_KEYS; key++) {
+	for (unsigned key = 0; key < OBJECT_KEYS && !modbus_object_is_text(values); key++) {
 		const struct config_place here = modbus_object_key(object, key);
 		const struct modbus_applies *applies = &modbus_applies_to[key];
 
@@ -73,11 +77,14 @@ static void check_extent(struct modbus_loader *loader, const struct config_place
 {
 	const struct config_place here = modbus_object_key(object, key);
 	static const char *const counts[] = {"no", "one", "two", "three", "four"};
+	char count[8];
 
+	snprintf(count, sizeof(count), "%u", width);
 	if (address + width - 1 > MODBUS_ADDRESS_LAST)
 		config_error(loader->report, &here,
 			     "%lld is out of range for type %s, which covers %s addresses, expected 0 to %d",
-			     (long long)address, modbus_type_names[type], counts[width],
+			     (long long)address, modbus_type_names[type],
+			     width < sizeof(counts) / sizeof(counts[0]) ? counts[width] : count,
 			     MODBUS_ADDRESS_LAST + 1 - width);
 }
 
@@ -201,6 +208,8 @@ static uint8_t point_flags(const struct config_value *values, enum modbus_table 
 		flags |= MAP_POINT_NO_QUALITY;
 	if (never_read)
 		flags |= MAP_POINT_NEVER_READ;
+	if (modbus_object_is_text(values))
+		flags |= MAP_POINT_TEXT;
 	return (uint8_t)flags;
 }
 
@@ -261,12 +270,16 @@ static struct modbus_point object_wire(const struct config_value *values, enum m
 	    .second_address = (uint16_t)(second->given ? second->integer : address + 1),
 	    .table = table & 3u,
 	    .type = type & 31u,
-	    .width = modbus_object_width(type, format, table) & 7u,
+	    .width = modbus_object_width(values, type, table) & 7u,
 	    .format = format & 31u,
 	    .flags = wire_flags(values),
 	    .scan_period_ms = (uint32_t)values[OBJECT_PERIOD].integer & MODBUS_PERIOD_MAX_MS,
 	};
 
+	if (modbus_is_string(format)) {
+		point.width = 0;
+		point.second_address = (uint16_t)(address + values[OBJECT_LENGTH].integer - 1);
+	}
 	modbus_object_bits(values, &point);
 	return point;
 }
@@ -323,7 +336,7 @@ static void check_object(struct modbus_loader *loader, const struct config_place
 			 const struct config_value *values, enum map_type type, enum modbus_table table)
 {
 	const struct config_place name = modbus_object_key(place, OBJECT_NAME);
-	const uint8_t width = modbus_object_width(type, modbus_object_format(values, type), table);
+	const uint8_t width = modbus_object_width(values, type, table);
 
 	check_write_only(loader, place, values, table);
 	if (!values[OBJECT_TYPE].wrong) {
@@ -351,6 +364,8 @@ static void check_object(struct modbus_loader *loader, const struct config_place
 		check_names(loader, place, values, type);
 	if (values[OBJECT_PERIOD].given)
 		check_read_key(loader, place, OBJECT_PERIOD);
+	if (modbus_object_is_text(values))
+		check_read_key(loader, place, OBJECT_FORMAT);
 	if (values[OBJECT_SCALE_REGISTER].given)
 		check_read_key(loader, place, OBJECT_SCALE_REGISTER);
 	if (values[OBJECT_WRITE_ADDRESS].given)
@@ -382,7 +397,8 @@ static void add_entry(struct modbus_loader *loader, const struct config_place *p
 	if (!modbus_object_scale(loader, place, values, &entry.wire))
 		return;
 	if (!values[OBJECT_PERIOD].given && !(entry.point.flags & MAP_POINT_NEVER_READ))
-		entry.wire.scan_period_ms = entry.period_ms & MODBUS_PERIOD_MAX_MS;
+		entry.wire.scan_period_ms =
+		    (modbus_object_is_text(values) ? TEXT_PERIOD_MS : entry.period_ms) & MODBUS_PERIOD_MAX_MS;
 	if (modbus_takes_commands(values, table) &&
 	    !(values[OBJECT_READ_BACK].given ? values[OBJECT_READ_BACK].integer : entry.read_back))
 		entry.wire.flags |= MODBUS_NO_READ_BACK;

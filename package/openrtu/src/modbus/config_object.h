@@ -23,6 +23,7 @@ enum {
 	OBJECT_GROUP,
 	OBJECT_SELECT,
 	OBJECT_FORMAT,
+	OBJECT_LENGTH,
 	OBJECT_BIT,
 	OBJECT_BITS,
 	OBJECT_INVERTED,
@@ -81,16 +82,26 @@ struct modbus_applies {
 	bool of_reading;  /* where something is read, or commands go elsewhere */
 };
 extern const struct modbus_applies modbus_applies_to[OBJECT_KEYS];
+/* To an object whose registers are a text. */
+bool modbus_applies_to_texts(unsigned key);
 
 static inline bool modbus_is_bit_table(enum modbus_table table)
 {
 	return table == MODBUS_COILS || table == MODBUS_DISCRETE_INPUTS;
 }
 
+/* A text: the object's point is a bitstring that stands for it. */
+static inline bool modbus_object_is_text(const struct config_value *values)
+{
+	return values[OBJECT_FORMAT].given &&
+	       modbus_is_string((enum modbus_format)(MODBUS_FORMAT_INT16 + values[OBJECT_FORMAT].integer));
+}
+
 /* What is in a table that is only read takes commands where they go elsewhere. */
 static inline bool modbus_takes_commands(const struct config_value *values, enum modbus_table table)
 {
-	return modbus_is_writable(table) || values[OBJECT_WRITE_ADDRESS].given;
+	return (modbus_is_writable(table) || values[OBJECT_WRITE_ADDRESS].given) &&
+	       !modbus_object_is_text(values);
 }
 
 static inline struct config_place modbus_object_key(const struct config_place *object, unsigned key)
@@ -112,7 +123,7 @@ void modbus_check_scheme(struct modbus_loader *loader, const struct config_place
 /* What the object's bits or registers hold: by its keys, or what its type has without them. */
 enum modbus_format modbus_object_format(const struct config_value *values, enum map_type type);
 /* Bits or registers that it covers. */
-uint8_t modbus_object_width(enum map_type type, enum modbus_format format, enum modbus_table table);
+uint8_t modbus_object_width(const struct config_value *values, enum map_type type, enum modbus_table table);
 /* Reports what does not go together of type, format, bits and scale. */
 void modbus_check_value(struct modbus_loader *loader, const struct config_place *object,
 			const struct config_value *values, enum map_type type, enum modbus_table table);

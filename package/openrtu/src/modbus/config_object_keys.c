@@ -108,13 +108,18 @@ const struct config_rule modbus_object_rules[OBJECT_KEYS] = {
 	{"select", CONFIG_BOOLEAN,
 	 CONFIG_SAYS(
 	     "A command needs a selection first (select before operate). Only coils and holding_registers.")},
-    [OBJECT_FORMAT] = {"format", CONFIG_CHOICE, .choices = formats,
+    [OBJECT_FORMAT] =
+	{"format", CONFIG_CHOICE, .choices = formats,
+	 CONFIG_SAYS(
+	     "Of bitstring (uint16, uint32), normalized, scaled, float and counter: what the "
+	     "registers hold, one to four of them. Without it, int16 for normalized and "
+	     "scaled, float32 for float, int32 for counter, uint32 for bitstring; uint16 "
+	     "with `bits`. string and string16, of bitstring or without a type, make the object a text.",
+	     .see = "configuration.md#formats", .unset = true)},
+    [OBJECT_LENGTH] = {"length", CONFIG_INTEGER, .low = 1, .high = MODBUS_TEXT_MAX,
 		       CONFIG_SAYS(
-			   "Of bitstring (uint16, uint32), normalized, scaled, float and counter: what the "
-			   "registers hold, one to four of them. Without it, int16 for normalized and "
-			   "scaled, float32 for float, int32 for counter, uint32 for bitstring; uint16 "
-			   "with `bits`.",
-			   .see = "configuration.md#formats", .unset = true)},
+			   "Of format string and string16, which need it: registers that the text has.",
+			   .see = "configuration.md#texts", .unset = true)},
     [OBJECT_BIT] = {"bit", CONFIG_INTEGER, .low = 0, .high = 15,
 		    CONFIG_SAYS(
 			"Makes an object of registers one bit of its register, 0 the least significant; a "
@@ -258,7 +263,8 @@ const struct config_rule modbus_object_rules[OBJECT_KEYS] = {
 	     .see = "configuration.md#scale-registers", .json = CONFIG_JSON({"examples" : ["p3.2.h77"]}))},
     [OBJECT_PERIOD] = {"period_ms", CONFIG_INTEGER, .low = 10, .high = 86400000,
 		       CONFIG_SAYS(
-			   "Milliseconds between two reads from the device. Without it, the slave's.")},
+			   "Milliseconds between two reads from the device. Without it, the slave's; of "
+			   "a text, an hour.")},
     [OBJECT_READ_BACK] = {"read_back", CONFIG_BOOLEAN,
 			  CONFIG_SAYS("What a command has written is read at once, and the command ends with "
 				      "that. Without it, the slave's. Only coils and holding_registers.",

@@ -151,6 +151,17 @@ static bool put_commands(json_t *schema)
 	return done;
 }
 
+/* A text has what it is read with, and nothing of numbers and commands. */
+static bool put_text(json_t *schema)
+{
+	bool done = true;
+
+	for (unsigned key = 0; done && key < OBJECT_KEYS; key++)
+		if (!modbus_applies_to_texts(key))
+			done = forbid(schema, key);
+	return done;
+}
+
 /* ---- the tables -------------------------------------------------------------------------- */
 
 CONFIG_TABLE(
@@ -230,6 +241,12 @@ CONFIG_TABLE(four_registers_table, .name = "four_registers",
 		     "properties" :
 			 {"format" : {"enum" : [ "int64", "uint64", "float64", "bcd64", "mod10_64" ]}}
 	     }));
+CONFIG_TABLE(text_format_table, .name = "text_format",
+	     .json = CONFIG_JSON(
+		 {"required" : ["format"], "properties" : {"format" : {"enum" : [ "string", "string16" ]}}}));
+CONFIG_TABLE(
+    text_table, .name = "text", .add = put_text,
+    .json = CONFIG_JSON({"required" : ["length"], "properties" : {"type" : {"const" : "bitstring"}}}));
 CONFIG_TABLE(bits_table, .name = "bits", .add = put_types_of_bits, .forms = CONFIG_FORMS(&object_table),
 	     .json = CONFIG_JSON({
 		     "$ref" : "#/$defs/object",
@@ -241,6 +258,7 @@ CONFIG_TABLE(bits_table, .name = "bits", .add = put_types_of_bits, .forms = CONF
 			     "offset" : false,
 			     "scale_register" : false,
 			     "bit" : false,
+			     "length" : false,
 			     "write_values" : {"items" : {"enum" : [ 0, 1 ]}}
 		     },
 		     "if" : {"required" : ["type"], "properties" : {"type" : {"const" : "double"}}},
@@ -252,7 +270,8 @@ CONFIG_TABLE(bits_table, .name = "bits", .add = put_types_of_bits, .forms = CONF
 	     }));
 CONFIG_TABLE(
     registers_table, .name = "registers", .add = put_types_of_registers,
-    .forms = CONFIG_FORMS(&object_table, &two_registers_table, &three_registers_table, &four_registers_table),
+    .forms = CONFIG_FORMS(&object_table, &two_registers_table, &three_registers_table, &four_registers_table,
+			  &text_format_table, &text_table),
     .json = CONFIG_JSON({
 	    "$ref" : "#/$defs/object",
 	    "properties" : {
@@ -264,7 +283,15 @@ CONFIG_TABLE(
 	    "allOf" : [
 		    {"if" : {"required" : ["format"]}, "then" : {"properties" : {"signed" : false}}}, {
 			    "if" : {"required" : ["type"], "properties" : {"type" : {"const" : "bitstring"}}},
-			    "then" : {"properties" : {"format" : {"enum" : [ "uint16", "uint32" ]}}}
+			    "then" : {
+				    "properties" :
+					{"format" : {"enum" : [ "uint16", "uint32", "string", "string16" ]}}
+			    }
+		    },
+		    {
+			    "if" : {"$ref" : "#/$defs/text_format"},
+			    "then" : {"$ref" : "#/$defs/text"},
+			    "else" : {"properties" : {"length" : false}}
 		    },
 		    {
 			    "if" : {"$ref" : "#/$defs/four_registers"},
@@ -380,6 +407,7 @@ CONFIG_TABLE(register_bits_table, .name = "register_bits", .add = put_types_of_b
 		     "properties" : {
 			     "type" : {"enum" : [ "single", "double" ], "default" : "single"},
 			     "second_address" : false,
+			     "length" : false,
 			     "word_order" : false,
 			     "scale" : false,
 			     "offset" : false,

@@ -44,8 +44,12 @@ enum modbus_format modbus_object_format(const struct config_value *values, enum 
 	return (enum modbus_format)of_types[type];
 }
 
-uint8_t modbus_object_width(enum map_type type, enum modbus_format format, enum modbus_table table)
+uint8_t modbus_object_width(const struct config_value *values, enum map_type type, enum modbus_table table)
 {
+	const enum modbus_format format = modbus_object_format(values, type);
+
+	if (modbus_is_string(format))
+		return (uint8_t)values[OBJECT_LENGTH].integer;
 	return modbus_is_bit_table(table) && type == MAP_DOUBLE ? 2 : modbus_formats[format].registers;
 }
 
@@ -62,14 +66,50 @@ static void check_format(struct modbus_loader *loader, const struct config_place
 		return;
 	if (values[OBJECT_SIGNED].given)
 		config_error(loader->report, &is_signed, "has no meaning beside format, which includes it");
-	if (type == MAP_BITSTRING && has != MODBUS_FORMAT_UINT16 && has != MODBUS_FORMAT_UINT32)
-		config_error(loader->report, &format,
-			     "\"%s\" is not a format of type %s, expected one of uint16, uint32",
-			     values[OBJECT_FORMAT].text, modbus_type_names[type]);
+	if (type == MAP_BITSTRING && has != MODBUS_FORMAT_UINT16 && has != MODBUS_FORMAT_UINT32 &&
+	    !modbus_is_string(has))
+		config_error(
+		    loader->report, &format,
+		    "\"%s\" is not a format of type %s, expected one of uint16, uint32, string, string16",
+		    values[OBJECT_FORMAT].text, modbus_type_names[type]);
 	if (type == MAP_COUNTER && has == MODBUS_FORMAT_FIXED24_8)
 		config_error(loader->report, &format,
 			     "\"%s\" is not a format of type %s, which has no fractions",
 			     values[OBJECT_FORMAT].text, modbus_type_names[type]);
+}
+
+/* It is read, and nothing else. */
+static void check_text(struct modbus_loader *loader, const struct config_place *object,
+		       const struct config_value *values, enum map_type type)
+{
+	const struct config_place here = modbus_object_key(object, OBJECT_FORMAT);
+	const struct config_place length = modbus_object_key(object, OBJECT_LENGTH);
+
+	if (type != MAP_BITSTRING)
+		config_error(loader->report, &here,
+			     "\"%s\" is a text, which type %s does not hold, expected bitstring or no type",
+			     values[OBJECT_FORMAT].text, modbus_type_names[type]);
+	if (!values[OBJECT_LENGTH].given && !values[OBJECT_LENGTH].wrong)
+		config_error(loader->report, &length,
+			     "is missing: a text needs the number of its registers, expected 1 to %d",
+			     MODBUS_TEXT_MAX);
+	for (unsigned key = 0; key < OBJECT_KEYS; key++) {
+		const struct config_place other = modbus_object_key(object, key);
+
+		if (values[key].given && !modbus_applies_to_texts(key))
+			config_error(loader->report, &other, "has no meaning for a text (format %s)",
+				     values[OBJECT_FORMAT].text);
+	}
+}
+
+static void check_length(struct modbus_loader *loader, const struct config_place *object,
+			 const struct config_value *values)
+{
+	const struct config_place length = modbus_object_key(object, OBJECT_LENGTH);
+
+	if (values[OBJECT_LENGTH].given && !values[OBJECT_FORMAT].wrong)
+		config_error(loader->report, &length,
+			     "has no meaning: it is of texts, expected format string or string16 beside it");
 }
 
 static void check_orders(struct modbus_loader *loader, const struct config_place *object,
@@ -77,8 +117,7 @@ static void check_orders(struct modbus_loader *loader, const struct config_place
 {
 	const struct config_place here = modbus_object_key(object, OBJECT_WORD_ORDER);
 	const struct config_place bytes = modbus_object_key(object, OBJECT_BYTE_ORDER);
-	bool lone = modbus_is_bit_table(table) ||
-		    modbus_object_width(type, modbus_object_format(values, type), table) == 1;
+	bool lone = modbus_is_bit_table(table) || modbus_object_width(values, type, table) == 1;
 
 	if (values[OBJECT_WORD_ORDER].given && lone && !values[OBJECT_FORMAT].given)
 		config_error(loader->report, &here, "has no meaning for type %s", modbus_type_names[type]);
@@ -280,8 +319,7 @@ static void check_scale_register(struct modbus_loader *loader, const struct conf
 
 	if (!values[OBJECT_SCALE_REGISTER].given || values[OBJECT_ADDRESS].wrong)
 		return;
-	if (scale >= address &&
-	    scale < address + modbus_object_width(type, modbus_object_format(values, type), table))
+	if (scale >= address && scale < address + modbus_object_width(values, type, table))
 		config_error(loader->report, &here,
 			     "%lld is a register of the object itself, expected another", (long long)scale);
 }
@@ -370,6 +408,11 @@ void modbus_check_value(struct modbus_loader *loader, const struct config_place 
 			const struct config_value *values, enum map_type type, enum modbus_table table)
 {
 	check_format(loader, object, values, type);
+	if (modbus_object_is_text(values)) {
+		check_text(loader, object, values, type);
+		return;
+	}
+	check_length(loader, object, values);
 	check_orders(loader, object, values, type, table);
 	check_unimplemented(loader, object, values, type);
 	check_bit(loader, object, values, type, table);

@@ -183,6 +183,7 @@ static bool whole_of(const struct modbus_point *point, uint64_t all, uint64_t *w
 		return from_mod10(point, all, whole);
 	case MODBUS_FLOATING:
 	case MODBUS_NO_NUMBER:
+	case MODBUS_CHARACTERS:
 		break;
 	}
 	return false;

@@ -14,6 +14,7 @@ enum modbus_coding {
 	MODBUS_FLOATING, /* IEEE 754 */
 	MODBUS_BCD,      /* four decimal digits a register */
 	MODBUS_MOD10, /* a number from -9999 to 9999 a register, the first one in the highest power of 10 000 */
+	MODBUS_CHARACTERS, /* a text, in as many registers as its object says: modbus/text.h */
 };
 
 /*
@@ -38,7 +39,9 @@ enum modbus_coding {
 	F(BCD64, "bcd64", 4, BCD, 1)                                                                         \
 	F(MOD10_32, "mod10_32", 2, MOD10, 1)                                                                 \
 	F(MOD10_48, "mod10_48", 3, MOD10, 1)                                                                 \
-	F(MOD10_64, "mod10_64", 4, MOD10, 1)
+	F(MOD10_64, "mod10_64", 4, MOD10, 1)                                                                 \
+	F(STRING, "string", 0, CHARACTERS, 1)                                                                \
+	F(STRING16, "string16", 0, CHARACTERS, 1)
 
 #define MODBUS_FORMAT_NUMBER(number, name, registers, coding, one) MODBUS_FORMAT_##number,
 
@@ -57,6 +60,12 @@ struct modbus_format_row {
 
 /* By enum modbus_format. */
 extern const struct modbus_format_row modbus_formats[MODBUS_FORMATS];
+
+/* Of string two characters a register, of string16 one. */
+static inline bool modbus_is_string(enum modbus_format format)
+{
+	return format == MODBUS_FORMAT_STRING || format == MODBUS_FORMAT_STRING16;
+}
 
 static inline bool modbus_is_binary(enum modbus_format format)
 {

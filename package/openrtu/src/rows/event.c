@@ -20,8 +20,8 @@ static json_t *change_row(const struct map *map, const struct map_event *event)
 	json_object_set_new(row, "time", json_string(time));
 	json_object_set_new(row, "event", json_string("change"));
 	json_object_set_new(row, "name", rows_point_name(map_config(map), event->point));
-	json_object_set_new(row, "type", json_string(words_type(point->type)));
-	json_object_set_new(row, "value", words_value(point->type, &event->sample.value));
+	json_object_set_new(row, "type", rows_type(map_config(map), event->point));
+	json_object_set_new(row, "value", rows_value(map, event->point, &event->sample.value));
 	rows_set_meaning(row, "meaning", map_config(map), event->point, event->sample.value);
 	if (point->type == MAP_STEP)
 		json_object_set_new(row, "transient", json_boolean(event->sample.detail & 1));

@@ -3,6 +3,7 @@
 #include "rows/rows.h"
 
 #include "map/meaning.h"
+#include "map/text.h"
 #include "map/time_ns.h"
 #include "map/type.h"
 #include "rows/words.h"
@@ -39,6 +40,23 @@ void rows_set_meaning(json_t *row, const char *key, const struct map_config *con
 		json_object_set_new(row, key, json_string(meaning));
 }
 
+json_t *rows_value(const struct map *map, uint32_t point, const union map_value *value)
+{
+	const struct map_point *object = &map_config(map)->points[point];
+	char text[MAP_TEXT_SIZE];
+
+	if (!(object->flags & MAP_POINT_TEXT))
+		return words_value(object->type, value);
+	return map_text_of(map, point, *value, text) ? json_string(text) : json_null();
+}
+
+json_t *rows_type(const struct map_config *config, uint32_t point)
+{
+	const struct map_point *object = &config->points[point];
+
+	return json_string(object->flags & MAP_POINT_TEXT ? "text" : words_type(object->type));
+}
+
 json_t *rows_point(const struct map *map, uint32_t index)
 {
 	const struct map_config *config = map_config(map);
@@ -51,9 +69,9 @@ json_t *rows_point(const struct map *map, uint32_t index)
 	map_read(map, index, &sample);
 	words_quality(sample.quality, quality);
 	json_object_set_new(row, "name", rows_point_name(config, index));
-	json_object_set_new(row, "type", json_string(words_type(point->type)));
+	json_object_set_new(row, "type", rows_type(config, index));
 	json_object_set_new(row, "value",
-			    sample.time_ns != 0 ? words_value(point->type, &sample.value) : json_null());
+			    sample.time_ns != 0 ? rows_value(map, index, &sample.value) : json_null());
 	if (sample.time_ns != 0)
 		rows_set_meaning(row, "meaning", config, index, sample.value);
 	if (point->type == MAP_STEP)

@@ -13,6 +13,10 @@
 /* How they are written: an angle needs 10 digits to be read back, a 32-bit float 9. */
 #define ROWS_FORMAT JSON_REAL_PRECISION(10)
 
+/* A value of a point: its text, where it has one; null of one that the map has no longer. */
+json_t *rows_value(const struct map *map, uint32_t point, const union map_value *value);
+/* Its type, or "text". */
+json_t *rows_type(const struct map_config *config, uint32_t point);
 /* What a value is called, if it has a name. */
 void rows_set_meaning(json_t *row, const char *key, const struct map_config *config, uint32_t point,
 		      union map_value value);

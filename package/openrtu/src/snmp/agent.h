@@ -24,6 +24,7 @@ enum snmp_list {
 	SNMP_BITSTRINGS,
 	SNMP_MEASURED,
 	SNMP_TOTALS,
+	SNMP_TEXTS,
 	SNMP_COMMANDS,
 	SNMP_CYCLIC,
 	SNMP_GROUPED, /* by interrogation group before that */
@@ -335,7 +336,7 @@ extern const struct snmp_table snmp_machine_uptime, snmp_memory_size, snmp_stora
 extern const struct snmp_table snmp_message_groups[3], snmp_dispatch_group, snmp_context_group,
     snmp_usm_group;
 extern const struct snmp_table snmp_station_scalars[5], snmp_device_table, snmp_initialised_table;
-extern const struct snmp_table snmp_point_table, snmp_value_tables[5];
+extern const struct snmp_table snmp_point_table, snmp_value_tables[6];
 extern const struct snmp_table snmp_command_table, snmp_command_scalars[3];
 extern const struct snmp_table snmp_total_table, snmp_freeze_table, snmp_parameter_table, snmp_clock_group;
 extern const struct snmp_table snmp_cyclic_last, snmp_cyclic_table, snmp_poll_table;

@@ -33,13 +33,13 @@ static const struct snmp_table *const station_tables[] = {
     &snmp_station_scalars[0], &snmp_station_scalars[1], &snmp_station_scalars[2], &snmp_station_scalars[3],
     &snmp_station_scalars[4], &snmp_device_table,       &snmp_initialised_table,  &snmp_point_table,
     &snmp_value_tables[0],    &snmp_value_tables[1],    &snmp_value_tables[2],    &snmp_value_tables[3],
-    &snmp_value_tables[4],    &snmp_command_table,      &snmp_command_scalars[0], &snmp_command_scalars[1],
-    &snmp_command_scalars[2], &snmp_total_table,        &snmp_freeze_table,       &snmp_cyclic_last,
-    &snmp_cyclic_table,       &snmp_poll_table,         &snmp_parameter_table,    &snmp_clock_group,
-    &snmp_event_scalars[0],   &snmp_event_scalars[1],   &snmp_event_scalars[2],   &snmp_event_scalars[3],
-    &snmp_event_table,        &snmp_sink_table,         &snmp_module_table,       &snmp_counter_table,
-    &snmp_health_scalars[0],  &snmp_health_scalars[1],  &snmp_health_scalars[2],  &snmp_image_table,
-    &snmp_group_table,
+    &snmp_value_tables[4],    &snmp_value_tables[5],    &snmp_command_table,      &snmp_command_scalars[0],
+    &snmp_command_scalars[1], &snmp_command_scalars[2], &snmp_total_table,        &snmp_freeze_table,
+    &snmp_cyclic_last,        &snmp_cyclic_table,       &snmp_poll_table,         &snmp_parameter_table,
+    &snmp_clock_group,        &snmp_event_scalars[0],   &snmp_event_scalars[1],   &snmp_event_scalars[2],
+    &snmp_event_scalars[3],   &snmp_event_table,        &snmp_sink_table,         &snmp_module_table,
+    &snmp_counter_table,      &snmp_health_scalars[0],  &snmp_health_scalars[1],  &snmp_health_scalars[2],
+    &snmp_image_table,        &snmp_group_table,
 };
 
 #define COUNT(tables) (sizeof(tables) / sizeof((tables)[0]))
@@ -92,6 +92,8 @@ static bool belongs(const struct map_point *point, enum snmp_list list)
 		return class == MAP_CLASS_MEASURED;
 	case SNMP_TOTALS:
 		return class == MAP_CLASS_TOTAL;
+	case SNMP_TEXTS:
+		return (point->flags & MAP_POINT_TEXT) != 0;
 	case SNMP_COMMANDS:
 		return (point->flags & MAP_POINT_COMMAND) != 0;
 	case SNMP_CYCLIC:

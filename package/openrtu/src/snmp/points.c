@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Points and their values: rtuPoints, rtuTotals. */
+#include "map/text.h"
 #include "snmp/agent.h"
 
 void snmp_point_index(const struct snmp_agent *agent, enum snmp_list list, uint32_t row,
@@ -28,6 +29,7 @@ ROWS(steps, SNMP_STEPS)
 ROWS(bitstrings, SNMP_BITSTRINGS)
 ROWS(measured, SNMP_MEASURED)
 ROWS(totals, SNMP_TOTALS)
+ROWS(texts, SNMP_TEXTS)
 
 /* ---- what does not change ---------------------------------------------------------------- */
 
@@ -98,7 +100,15 @@ const struct snmp_table snmp_point_table = {.prefix = {1, 2, 1},
 
 /* ---- values ------------------------------------------------------------------------------ */
 
-enum field { FIELD_VALUE, FIELD_TRANSIENT, FIELD_PRECISION, FIELD_FLOAT, FIELD_QUALITY, FIELD_TIME };
+enum field {
+	FIELD_VALUE,
+	FIELD_TEXT,
+	FIELD_TRANSIENT,
+	FIELD_PRECISION,
+	FIELD_FLOAT,
+	FIELD_QUALITY,
+	FIELD_TIME
+};
 
 static bool read_field(struct snmp_agent *agent, enum field field, enum snmp_list list, uint32_t row,
 		       struct snmp_value *out)
@@ -107,10 +117,15 @@ static bool read_field(struct snmp_agent *agent, enum field field, enum snmp_lis
 	const struct map_point *object = &agent->config->points[point];
 	const enum map_type type = object->type;
 	struct map_sample sample;
+	char text[MAP_TEXT_SIZE];
 
 	if (!snmp_sample(agent, point, &sample))
 		return false;
 	switch (field) {
+	case FIELD_TEXT:
+		map_text_of(agent->map, point, sample.value, text);
+		snmp_put_text(out, text);
+		break;
 	case FIELD_VALUE:
 		snmp_put_number(out, list == SNMP_BITSTRINGS ? SNMP_GAUGE : SNMP_INTEGER,
 				snmp_shown_value(type, snmp_decimals(object), sample.value));
@@ -136,6 +151,7 @@ static bool read_field(struct snmp_agent *agent, enum field field, enum snmp_lis
 
 /* Columns 1 and on. */
 static const enum field plain_fields[] = {FIELD_VALUE, FIELD_QUALITY, FIELD_TIME};
+static const enum field text_fields[] = {FIELD_TEXT, FIELD_QUALITY, FIELD_TIME};
 static const enum field step_fields[] = {FIELD_VALUE, FIELD_TRANSIENT, FIELD_QUALITY, FIELD_TIME};
 static const enum field measured_fields[] = {FIELD_VALUE, FIELD_PRECISION, FIELD_FLOAT, FIELD_QUALITY,
 					     FIELD_TIME};
@@ -152,6 +168,7 @@ READER(doubles, SNMP_DOUBLES, plain_fields)
 READER(steps, SNMP_STEPS, step_fields)
 READER(bitstrings, SNMP_BITSTRINGS, plain_fields)
 READER(measured, SNMP_MEASURED, measured_fields)
+READER(texts, SNMP_TEXTS, text_fields)
 
 #define VALUE_TABLE(name, number, fields)                                                                    \
 	{                                                                                                    \
@@ -160,10 +177,10 @@ READER(measured, SNMP_MEASURED, measured_fields)
 		.index = index_##name, .read = read_##name                                                   \
 	}
 
-const struct snmp_table snmp_value_tables[5] = {
+const struct snmp_table snmp_value_tables[6] = {
     VALUE_TABLE(singles, 2, plain_fields),     VALUE_TABLE(doubles, 3, plain_fields),
     VALUE_TABLE(steps, 4, step_fields),        VALUE_TABLE(bitstrings, 5, plain_fields),
-    VALUE_TABLE(measured, 6, measured_fields),
+    VALUE_TABLE(measured, 6, measured_fields), VALUE_TABLE(texts, 7, text_fields),
 };
 
 /* ---- totals ------------------------------------------------------------------------------ */

@@ -4,8 +4,10 @@
 #include <inttypes.h>
 #include <stdio.h>
 
+#include "map/text.h"
 #include "map/time_ns.h"
 #include "modbus/convert.h"
+#include "modbus/text.h"
 #include "modules/modbus/passing.h"
 #include "modules/modbus/scaling.h"
 
@@ -83,6 +85,17 @@ static void note_answer(struct line_results *results, uint32_t device, int64_t n
 		say_well(results, device, map_trouble_ended(&news->death, now_ns, text));
 }
 
+/* Whole, as each read of the plan has its objects. */
+static void take_text(struct line_results *results, const struct modbus_read *read, const uint8_t *data,
+		      struct map_update *update)
+{
+	const struct modbus_point *config = &results->points[update->point];
+	char text[MAP_TEXT_SIZE];
+
+	modbus_text(config, data + 2 * (size_t)(config->address - read->address), text);
+	update->sample.value = map_text_put(results->map, update->point, text);
+}
+
 static void take_object(struct line_results *results, const struct modbus_read *read, const uint8_t *data,
 			uint32_t point, struct map_update *update)
 {
@@ -91,6 +104,10 @@ static void take_object(struct line_results *results, const struct modbus_read *
 	uint16_t raw[CONVERT_WIDTH_MAX] = {0};
 
 	update->point = point;
+	if (modbus_is_text(config)) {
+		take_text(results, read, data, update);
+		return;
+	}
 	update->cause = (uint8_t)commands_cause(results->commands, point);
 	update->flags = modbus_counts_16_bits(config) ? MAP_UPDATE_NARROW : 0;
 	take_raw(read, data, config, raw);
