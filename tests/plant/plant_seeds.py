@@ -11,6 +11,7 @@ from front_counter import Counter
 from front_disk import Disk
 from front_goose import Goose
 from front_journal import Journal
+from front_kept import Kept
 from front_logic import Logic
 from front_masters import SecondMaster
 from front_mms import Mms
@@ -342,7 +343,7 @@ def with_storms(world: World) -> World:
 
 def stored(seed: int, seconds: float, fault_every_s: float = 30.0) -> World:
     """The same, of a gateway with a journal that loses its power, and whose disk fails."""
-    disk = (Disk(),)
+    disk = (Disk(), Kept())
     of_seed = Field(random.Random(seed), seconds, modules=modules_of(disk))
     changes = of_seed.changes(mean_s=1.0)
     world = World(seed, seconds, changes, of_seed.made_by(of_seed.stored_fault, fault_every_s), fronts=disk)
@@ -375,7 +376,17 @@ def far(seed: int, seconds: float, fault_every_s: float = 8.0) -> World:
 
 
 def fronts(groups: bool) -> tuple[Front, ...]:
-    return (SecondMaster(groups), Logic(), Journal(), Counter(), Snmp(), Mms(), Goose(), Outstation())
+    return (
+        SecondMaster(groups),
+        Logic(),
+        Journal(),
+        Counter(),
+        Snmp(),
+        Mms(),
+        Goose(),
+        Outstation(),
+        Kept(fails=True),
+    )
 
 
 def large(seed: int, seconds: float) -> World:
