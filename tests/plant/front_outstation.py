@@ -93,6 +93,11 @@ class Below:
         return [(seconds(line["at"]), seconds(line["away_until"])) for line in lines]
 
     @cached_property
+    def late(self) -> list[tuple[float, float]]:
+        """When it told what it had kept."""
+        return [(seconds(line["at"]), seconds(line["at"])) for line in self.lines if "late" in line]
+
+    @cached_property
     def told(self) -> list[Told]:
         return [told for told in self.history.all_told if told.point == POINT]
 
@@ -100,7 +105,7 @@ class Below:
         """From when on what was told last must be what it has had since from_s."""
         of = (PROCESS, "rtud", f"{STATION_PORT}", "rtu-iec104", CENTRE, f"{PORT}")
         ends = [ends_s(fault) for fault in self.history.faults if fault.of in of and fault.at_s < to_s]
-        ends += [end_s for begin_s, end_s in self.away if begin_s < to_s]
+        ends += [end_s for begin_s, end_s in (*self.away, *self.late) if begin_s < to_s]
         return max([from_s, *ends]) + SETTLES_S
 
     @cached_property

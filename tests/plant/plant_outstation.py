@@ -22,9 +22,9 @@ START, HEAD_SIZE = 0x68, 6
 ANSWERS = {0x07: 0x0B, 0x13: 0x23, 0x43: 0x83}  # STARTDT, STOPDT, TESTFR: act, and con
 SEQUENCES = 1 << 15
 MEAN_S, LEAST_S = 4.0, 0.2
-QUIET_PART, QUIET_S = 0.25, (20.0, 40.0)
-STAYS_S, AWAY_S = (20.0, 60.0), (0.5, 8.0)  # it hangs up, and takes nobody for a while
-LATE_PART, LATE_S = 0.5, 8.0  # of its connections, those in which it tells late what it had kept
+QUIET_PART, QUIET_S = 0.3, (20.0, 40.0)
+STAYS_S, AWAY_S = (25.0, 60.0), (0.5, 8.0)  # it hangs up, and takes nobody for a while
+LATE_PART, LATE_S = 0.7, 15.0  # of its connections, those in which it tells late what it had kept
 
 
 def say(**what: object) -> None:
@@ -159,6 +159,7 @@ class Outstation:
     def tell_events(self, session: Session) -> None:
         if session.kept_until_s is not None and session.kept_until_s <= time.monotonic():
             session.late_s, session.kept_until_s = 0.0, None
+            say(late=len(self.events))
         waiting = [event for event in self.events if event not in session.pending]
         if session.late_s:
             waiting = [event for event in waiting if event.at_ns > session.begun_ns]
