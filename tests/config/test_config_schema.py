@@ -200,7 +200,7 @@ def small_file() -> dict[str, Any]:
     """No value here is at a bound of its key."""
     line = {"baud_rate": 115200, "data_bits": 8, "stop_bits": 1, "parity": 0}
     tables = ("coils", "discrete_inputs", "input_registers", "holding_registers")
-    device: dict[str, Any] = {"id": 2} | {table: [{"address": 5}] for table in tables}
+    device: dict[str, Any] = {"id": 2, "page_address": 900} | {table: [{"address": 5}] for table in tables}
     device["discrete_inputs"].append({"address": 700})
     device["holding_registers"].append({"address": 77})
     device["input_registers"].append({"address": 9, "bit": 3, "ioa": 60003})
@@ -303,7 +303,13 @@ def around(site: Site) -> dict[str, Any]:
     _, _, table = site.place.partition(".slaves[1].")
     if table:
         device = ports[0]["slaves"][1]
-        its = ("id", "discrete_inputs", "holding_registers", table.partition("[")[0])  # other keys name these
+        its = (
+            "id",
+            "page_address",
+            "discrete_inputs",
+            "holding_registers",
+            table.partition("[")[0],
+        )  # other keys name these
         ports[0]["slaves"][1] = {key: device[key] for key in its}
     return document
 

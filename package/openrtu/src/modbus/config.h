@@ -81,6 +81,8 @@ struct modbus_slave {
 	uint16_t pause_ms;    /* the least between its answer and the next request to it */
 	uint8_t writes_multiple; /* one coil or register is written with function 15 or 16 at first */
 	uint8_t not_asked;       /* what it is: function 43 */
+	uint16_t page_address;   /* of the register that chooses a page, where points are on one */
+	uint16_t reserved;
 };
 
 enum modbus_point_flag {
@@ -120,6 +122,8 @@ struct modbus_extra {
 	/* By enum modbus_status and enum modbus_link: 1 + place among the slave's points, 0: none. */
 	uint16_t links[MODBUS_LINKS];
 	uint16_t write_address; /* MODBUS_WRITTEN_ELSEWHERE */
+	uint16_t page;          /* that it is on, */
+	uint16_t is_paged;      /* if it is on one */
 };
 
 /* What the gateway itself writes to a point's place: a record for each value in turn; in the order of the points. */

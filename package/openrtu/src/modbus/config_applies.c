@@ -41,6 +41,7 @@ const struct modbus_applies modbus_applies_to[OBJECT_KEYS] = {
     [OBJECT_SUBSTITUTED_BY] = {.types = NOT_COUNTER, .of_reading = true},
     [OBJECT_NOT_TOPICAL_BY] = {.types = NOT_COUNTER, .of_reading = true},
     [OBJECT_PERIOD] = {.of_reading = true},
+    [OBJECT_PAGE] = {.of_reading = true},
     [OBJECT_READ_BACK] = {.of_commands = true, .of_reading = true},
     [OBJECT_WRITE_ADDRESS] = {.of_reading = true},
     [OBJECT_SCALE_BY] = {.types = MODBUS_MEASURED_TYPES, .of_reading = true},
@@ -63,4 +64,10 @@ bool modbus_applies_to_texts(unsigned key)
 			return false;
 	return !applies->of_commands &&
 	       (applies->types == 0 || (applies->types & MODBUS_TYPE(MAP_BITSTRING)));
+}
+
+/* What is on a page is read, and nothing else. */
+bool modbus_applies_to_pages(unsigned key)
+{
+	return !modbus_applies_to[key].of_commands && key != OBJECT_WRITE_ADDRESS && key != OBJECT_WRITE_ONLY;
 }

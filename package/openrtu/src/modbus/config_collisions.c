@@ -135,7 +135,8 @@ static bool share_registers(const struct modbus_entry *a, const struct modbus_en
 
 static bool in_one_layer(const struct modbus_entry *a, const struct modbus_entry *b)
 {
-	return a->point.set == b->point.set && a->wire.table == b->wire.table && layer_of(a) == layer_of(b);
+	return a->point.set == b->point.set && a->wire.table == b->wire.table && layer_of(a) == layer_of(b) &&
+	       a->page == b->page;
 }
 
 static bool overlap(const struct modbus_entry *a, const struct modbus_entry *b)
@@ -161,6 +162,8 @@ static int by_range(const void *left, const void *right)
 		return by_device != 0 ? by_device : by_table;
 	if (by_layer != 0)
 		return by_layer;
+	if (a->entry->page != b->entry->page)
+		return order(a->entry->page, b->entry->page);
 	if (a->begin != b->begin || a->end != b->end)
 		return a->begin != b->begin ? order(a->begin, b->begin) : order(a->end, b->end);
 	if (a->entry->wire.bit != b->entry->wire.bit)

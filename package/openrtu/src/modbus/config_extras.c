@@ -56,7 +56,7 @@ static bool may_be_read_in_time(const struct modbus_entry *other, const struct m
 
 static bool has_extra(const struct modbus_entry *entry)
 {
-	return names_others(entry) || (entry->wire.flags & MODBUS_WRITTEN_ELSEWHERE);
+	return names_others(entry) || (entry->wire.flags & MODBUS_WRITTEN_ELSEWHERE) || entry->page != 0;
 }
 
 static void refuse(struct modbus_loader *loader, const struct config_place *here, const char *name,
@@ -103,6 +103,8 @@ static void resolve(struct modbus_loader *loader, struct modbus_entry *entry,
 
 	entry->wire.extra = (uint16_t)map_record_count(loader->config, MODBUS_EXTRAS);
 	extra->write_address = entry->write_address;
+	extra->is_paged = entry->page != 0;
+	extra->page = (uint16_t)(entry->page - extra->is_paged);
 	for (unsigned link = 0; link < MODBUS_LINKS; link++)
 		if (entry->links[link] != NULL)
 			resolve_link(loader, entry, link, names, extra);

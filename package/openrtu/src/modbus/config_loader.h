@@ -39,6 +39,8 @@ struct modbus_entry {
 	uint32_t ioa_offset;
 	uint16_t ca;
 	uint16_t write_address; /* MODBUS_WRITTEN_ELSEWHERE */
+	uint32_t page;          /* and 1; 0: it is on none */
+	bool may_be_paged;      /* its slave has page_address */
 	bool is_kept;           /* by the gateway itself: */
 	uint32_t kept_every_ms;
 	const json_t *kept_values; /* NULL: what was commanded last; the file's */

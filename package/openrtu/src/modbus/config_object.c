@@ -48,7 +48,8 @@ static void check_meaning(struct modbus_loader *loader, const struct config_plac
 		if (values[key].given && applies->types != 0 && !(applies->types & MODBUS_TYPE(type)))
 			config_error(loader->report, &here, "has no meaning for type %s",
 				     modbus_type_names[type]);
-		if (values[key].given && applies->of_commands && !modbus_takes_commands(values, table))
+		if (values[key].given && applies->of_commands && !values[OBJECT_PAGE].given &&
+		    !modbus_takes_commands(values, table))
 			config_error(loader->report, &here, "has no meaning for %s: they cannot be commanded",
 				     modbus_table_names[table]);
 	}
@@ -332,8 +333,29 @@ static void check_names(struct modbus_loader *loader, const struct config_place 
 			     "has no meaning beside names: it would reach values without one");
 }
 
+/* What it is on is chosen before it is read: nobody chooses it for a command. */
+static void check_page(struct modbus_loader *loader, const struct config_place *object,
+		       const struct config_value *values, bool may_be_paged)
+{
+	const struct config_place page = modbus_object_key(object, OBJECT_PAGE);
+
+	check_read_key(loader, object, OBJECT_PAGE);
+	if (!may_be_paged)
+		config_error(
+		    loader->report, &page,
+		    "has no meaning without page_address of its slave, which says where it is written");
+	for (unsigned key = 0; key < OBJECT_KEYS; key++) {
+		const struct config_place here = modbus_object_key(object, key);
+
+		if (values[key].given && !modbus_applies_to_pages(key))
+			config_error(loader->report, &here,
+				     "has no meaning beside page: what is on a page takes no commands");
+	}
+}
+
 static void check_object(struct modbus_loader *loader, const struct config_place *place,
-			 const struct config_value *values, enum map_type type, enum modbus_table table)
+			 const struct config_value *values, enum map_type type, enum modbus_table table,
+			 bool may_be_paged)
 {
 	const struct config_place name = modbus_object_key(place, OBJECT_NAME);
 	const uint8_t width = modbus_object_width(values, type, table);
@@ -370,6 +392,8 @@ static void check_object(struct modbus_loader *loader, const struct config_place
 		check_read_key(loader, place, OBJECT_SCALE_REGISTER);
 	if (values[OBJECT_WRITE_ADDRESS].given)
 		check_read_key(loader, place, OBJECT_WRITE_ADDRESS);
+	if (values[OBJECT_PAGE].given)
+		check_page(loader, place, values, may_be_paged);
 	check_kept(loader, place, values);
 }
 
@@ -383,6 +407,7 @@ static void add_entry(struct modbus_loader *loader, const struct config_place *p
 	    object_point(values, type, table,
 			 values[OBJECT_WRITE_ONLY].integer || modbus_is_broadcast(loader->config, set));
 	entry.write_address = (uint16_t)values[OBJECT_WRITE_ADDRESS].integer;
+	entry.page = values[OBJECT_PAGE].given ? (uint32_t)values[OBJECT_PAGE].integer + 1 : 0;
 	entry.is_kept = is_kept(values);
 	entry.kept_every_ms = (uint32_t)values[OBJECT_WRITE_EVERY].integer;
 	entry.kept_values = values[OBJECT_WRITE_VALUES].given ? values[OBJECT_WRITE_VALUES].json : NULL;
@@ -436,7 +461,7 @@ static void read_object(struct modbus_loader *loader, const struct config_place 
 		explain_type(loader, place, values[OBJECT_TYPE].json);
 	modbus_read_address(loader, place, table, values);
 	type = object_type(values, table);
-	check_object(loader, place, values, type, table);
+	check_object(loader, place, values, type, table, entry.may_be_paged);
 	if (loader->report->errors == errors && loader->config->point_count < loader->entries_max)
 		add_entry(loader, place, values, type, table, entry);
 }

@@ -55,6 +55,7 @@ enum {
 	OBJECT_SCALE_BY,
 	OBJECT_FACTOR_BY,
 	OBJECT_PERIOD,
+	OBJECT_PAGE,
 	OBJECT_READ_BACK,
 	OBJECT_WRITE_ADDRESS,
 	OBJECT_WRITE_ONLY,
@@ -84,6 +85,8 @@ struct modbus_applies {
 extern const struct modbus_applies modbus_applies_to[OBJECT_KEYS];
 /* To an object whose registers are a text. */
 bool modbus_applies_to_texts(unsigned key);
+/* To one that is on a page. */
+bool modbus_applies_to_pages(unsigned key);
 
 static inline bool modbus_is_bit_table(enum modbus_table table)
 {
@@ -101,7 +104,7 @@ static inline bool modbus_object_is_text(const struct config_value *values)
 static inline bool modbus_takes_commands(const struct config_value *values, enum modbus_table table)
 {
 	return (modbus_is_writable(table) || values[OBJECT_WRITE_ADDRESS].given) &&
-	       !modbus_object_is_text(values);
+	       !modbus_object_is_text(values) && !values[OBJECT_PAGE].given;
 }
 
 static inline struct config_place modbus_object_key(const struct config_place *object, unsigned key)

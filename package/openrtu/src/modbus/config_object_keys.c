@@ -265,6 +265,11 @@ const struct config_rule modbus_object_rules[OBJECT_KEYS] = {
 		       CONFIG_SAYS(
 			   "Milliseconds between two reads from the device. Without it, the slave's; of "
 			   "a text, an hour.")},
+    [OBJECT_PAGE] = {"page", CONFIG_INTEGER, .low = 0, .high = UINT16_MAX,
+		     CONFIG_SAYS(
+			 "What is written to the slave's `page_address` before each read of the object. "
+			 "It takes no commands.",
+			 .see = "configuration.md#pages", .unset = true)},
     [OBJECT_READ_BACK] = {"read_back", CONFIG_BOOLEAN,
 			  CONFIG_SAYS("What a command has written is read at once, and the command ends with "
 				      "that. Without it, the slave's. Only coils and holding_registers.",

@@ -138,6 +138,24 @@ static bool put_write_only(json_t *schema)
 	return done;
 }
 
+/* What is on a page takes no commands. */
+static bool put_page(json_t *schema)
+{
+	json_t *is = json_pack("{s:[s]}", "required", modbus_object_rules[OBJECT_PAGE].name);
+	json_t *then = on_condition(schema, is, "then");
+	bool done = then != NULL;
+
+	for (unsigned key = 0; done && key < OBJECT_KEYS; key++)
+		if (!modbus_applies_to_pages(key))
+			done = forbid(then, key);
+	return done;
+}
+
+static bool put_object(json_t *schema)
+{
+	return put_write_only(schema) && put_page(schema);
+}
+
 /* Where nothing but a write_address makes something to command, no other key of commands means anything. */
 static bool put_commands(json_t *schema)
 {
@@ -165,7 +183,7 @@ static bool put_text(json_t *schema)
 /* ---- the tables -------------------------------------------------------------------------- */
 
 CONFIG_TABLE(
-    object_table, .name = "object", .rules = modbus_object_rules, .count = OBJECT_KEYS, .add = put_write_only,
+    object_table, .name = "object", .rules = modbus_object_rules, .count = OBJECT_KEYS, .add = put_object,
     .json = CONFIG_JSON({
 	    "oneOf" : [ {"required" : ["address"]}, {"required" : ["register"]} ],
 	    "if" : {

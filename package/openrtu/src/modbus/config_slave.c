@@ -2,6 +2,7 @@
 /* One slave of a port, and the device it becomes. */
 #include "map/time_ns.h"
 #include "modbus/config_loader.h"
+#include "modbus/plan.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -30,6 +31,7 @@ enum {
 	SLAVE_MAX_BITS,
 	SLAVE_MAX_REGISTERS,
 	SLAVE_HOLES,
+	SLAVE_PAGE_ADDRESS,
 	SLAVE_IDENTIFY,
 	SLAVE_IDENTIFICATION,
 	SLAVE_READ_BACK,
@@ -120,6 +122,11 @@ static const struct config_rule slave_rules[SLAVE_KEYS] = {
 			      CONFIG_SAYS("What it shall say that it is. `rtuctl lines` says what differs.",
 					  .table = &identification_table,
 					  .see = "configuration.md#what-a-device-is")},
+    [SLAVE_PAGE_ADDRESS] =
+	{"page_address", CONFIG_INTEGER, .low = 0, .high = MODBUS_ADDRESS_LAST,
+	 CONFIG_SAYS("Modbus address of the holding register that chooses what the device has at the "
+		     "addresses of objects with `page`. The gateway writes it before each read of these.",
+		     .see = "configuration.md#pages", .unset = true)},
     [SLAVE_READ_BACK] =
 	{"read_back", CONFIG_BOOLEAN, .fallback = true,
 	 CONFIG_SAYS("What a command has written is read at once, and the command ends with that, where the "
@@ -173,7 +180,8 @@ CONFIG_SHARED_TABLE(modbus_slave_table, .name = "slave", .rules = slave_rules, .
 					    "max_registers" : false,
 					    "holes" : false,
 					    "identify" : false,
-					    "identification" : false
+					    "identification" : false,
+					    "page_address" : false
 				    }
 			    }
 		    }));
@@ -259,6 +267,29 @@ static void check_spans(struct modbus_loader *loader, const struct map_set *set)
 	}
 }
 
+/* It has more pages than the plan has room for. */
+static void check_pages(struct modbus_loader *loader, const struct config_place *slave,
+			const struct map_set *set)
+{
+	const struct config_place here = config_key_of(slave, slave_rules[SLAVE_PAGE_ADDRESS].name);
+	uint32_t pages[MODBUS_PAGES_MAX], count = 0;
+
+	for (uint32_t i = set->first_point; i < loader->config->point_count; i++) {
+		const uint32_t page = loader->entries[i].page;
+		uint32_t place = 0;
+
+		while (place < count && pages[place] != page)
+			place++;
+		if (page == 0 || place < count)
+			continue;
+		if (count == MODBUS_PAGES_MAX) {
+			config_error(loader->report, &here, "is of more than %d pages", MODBUS_PAGES_MAX);
+			return;
+		}
+		pages[count++] = page;
+	}
+}
+
 /* The floor of a time-out, which is the ceiling where that is lower than the default. */
 static uint16_t least_timeout_ms(struct modbus_loader *loader, const struct config_place *slave,
 				 const struct config_value *values)
@@ -334,6 +365,7 @@ static void add_device(struct modbus_loader *loader, const struct config_place *
 	    .pause_ms = (uint16_t)values[SLAVE_PAUSE].integer,
 	    .writes_multiple = values[SLAVE_WRITE_FUNCTION].integer != 0,
 	    .not_asked = !is_asked(values),
+	    .page_address = (uint16_t)values[SLAVE_PAGE_ADDRESS].integer,
 	};
 	snprintf(set->prefix, sizeof(set->prefix), "p%u.%u", port->port, unit);
 	if (values[SLAVE_DESCRIPTION].given && values[SLAVE_DESCRIPTION].text[0] != '\0')
@@ -475,6 +507,7 @@ static void fill_entry(struct modbus_entry *entry, const struct config_value *va
 {
 	entry->period_ms = (uint32_t)values[SLAVE_PERIOD].integer;
 	entry->read_back = values[SLAVE_READ_BACK].integer;
+	entry->may_be_paged = values[SLAVE_PAGE_ADDRESS].given;
 	entry->ioa_offset = (uint32_t)values[SLAVE_IOA_OFFSET].integer;
 	entry->prefix = values[SLAVE_NAME_PREFIX].given ? values[SLAVE_NAME_PREFIX].text : "";
 	entry->overrides = values[SLAVE_OVERRIDES].given ? values[SLAVE_OVERRIDES].json : NULL;
@@ -576,6 +609,7 @@ static void read_slave(struct modbus_loader *loader, const struct config_place *
 		modbus_read_objects(loader, place, values[table].json, (enum modbus_table)table, entry);
 	set->point_count = loader->config->point_count - set->first_point;
 	check_spans(loader, set);
+	check_pages(loader, place, set);
 	if (values[SLAVE_IDENTIFICATION].given)
 		read_identification(loader, place, values);
 }

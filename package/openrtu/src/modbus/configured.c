@@ -119,6 +119,37 @@ static bool configure_kept(const struct map_config *config, const struct map_set
 	return true;
 }
 
+/* The place of a page among the device's, and 1. */
+static uint8_t place_of_page(struct modbus_pages *pages, uint16_t value)
+{
+	uint8_t place = 0;
+
+	while (place < pages->count && pages->values[place] != value)
+		place++;
+	if (place == pages->count)
+		pages->values[pages->count++] = value;
+	return (uint8_t)(place + 1);
+}
+
+/* There are no more than fit: check_pages of config_slave.c. */
+static bool configure_pages(const struct map_config *config, uint16_t address, struct modbus_device *device)
+{
+	for (uint32_t i = 0; i < device->object_count; i++) {
+		const struct modbus_extra *extra =
+		    modbus_extra_of(config, &modbus_points(config)[device->objects[i].tag]);
+
+		if (extra == NULL || !extra->is_paged)
+			continue;
+		if (device->pages == NULL)
+			device->pages = calloc(1, sizeof(*device->pages));
+		if (device->pages == NULL)
+			return false;
+		device->pages->address = address;
+		device->objects[i].page = place_of_page(device->pages, extra->page) & 31u;
+	}
+	return true;
+}
+
 static bool configure_device(const struct map_config *config, uint32_t slave, struct modbus_device *device)
 {
 	const struct modbus_slave *from = &modbus_slaves(config)[slave];
@@ -150,7 +181,7 @@ static bool configure_device(const struct map_config *config, uint32_t slave, st
 		if (device->identity == NULL)
 			return false;
 	}
-	return configure_kept(config, set, device);
+	return configure_pages(config, from->page_address, device) && configure_kept(config, set, device);
 }
 
 static uint32_t commands_of_device(const struct map_config *config, const struct map_set *device)
@@ -197,6 +228,7 @@ void modbus_line_release(struct modbus_line *line)
 		free(line->devices[i].objects);
 		free(line->devices[i].reads);
 		free(line->devices[i].identity);
+		free(line->devices[i].pages);
 		for (uint32_t j = 0; j < line->devices[i].kept_count; j++)
 			free(line->devices[i].kept[j].constants);
 		free(line->devices[i].kept);

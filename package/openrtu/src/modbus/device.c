@@ -248,6 +248,21 @@ void modbus_replan(struct modbus_line *line, struct modbus_device *device)
 				 : 0;
 	device->cursor = 0;
 	device->news = true;
+	modbus_forget_page(device);
+}
+
+void modbus_set_read_aside(struct modbus_line *line, uint32_t index, uint32_t read_index, uint8_t exception,
+			   int64_t now_ns)
+{
+	struct modbus_read *read = &line->devices[index].reads[read_index];
+
+	line->devices[index].news = true;
+	if (read->pause_ns == 0 || read->exception != exception)
+		line->events->refused(line->context, index, read, exception, now_ns);
+	read->exception = exception;
+	read->failures = 0;
+	read->pause_ns = modbus_next_backoff(read->pause_ns);
+	read->not_before_ns = now_ns + read->pause_ns;
 }
 
 /*
@@ -259,18 +274,13 @@ bool modbus_refuse_read(struct modbus_line *line, uint32_t index, uint32_t read_
 			int64_t now_ns)
 {
 	struct modbus_device *device = &line->devices[index];
-	struct modbus_read *read = &device->reads[read_index];
 
 	device->news = true;
+	modbus_forget_page(device);
 	if (!modbus_is_of_the_moment(exception) &&
 	    modbus_plan_split(device->objects, device->reads, &device->read_count, read_index, exception))
 		return true;
-	if (read->pause_ns == 0 || read->exception != exception)
-		line->events->refused(line->context, index, read, exception, now_ns);
-	read->exception = exception;
-	read->failures = 0;
-	read->pause_ns = modbus_next_backoff(read->pause_ns);
-	read->not_before_ns = now_ns + read->pause_ns;
+	modbus_set_read_aside(line, index, read_index, exception, now_ns);
 	return false;
 }
 
@@ -377,6 +387,7 @@ void modbus_device_died(struct modbus_line *line, uint32_t index, int64_t now_ns
 	device->alive = false;
 	line->living--;
 	device->failures = 0;
+	modbus_forget_page(device);
 	let_rest(line, device, now_ns);
 	line->events->alive(line->context, index, false, now_ns);
 }

@@ -8,8 +8,10 @@
 int64_t modbus_limit_read_ns(const struct modbus_line *line, const struct modbus_device *device,
 			     const struct modbus_read *read, bool at_once)
 {
-	return modbus_read_ns(&line->wire, read->function, read->count,
-			      at_once ? 0 : modbus_reaction_ns(&device->limits));
+	const int64_t reaction_ns = at_once ? 0 : modbus_reaction_ns(&device->limits);
+
+	return modbus_read_ns(&line->wire, read->function, read->count, reaction_ns) +
+	       (read->page != 0 ? modbus_page_ns(&line->wire, reaction_ns) : 0);
 }
 
 static int64_t device_ns(const struct modbus_line *line, const struct modbus_device *device)
@@ -163,6 +165,9 @@ static void print_read(const struct modbus_line *line, const struct modbus_devic
 		octets = 2 * (octets - 2 * MODBUS_CRC_LENGTH) + 2 * (1 + 2 + 2);
 	fprintf(out, "  %4u  %8u  %7u  %5u  %6zu  %7.2f", device->unit, read->function, read->address,
 		read->count, octets, (double)modbus_limit_read_ns(line, device, read, false) / NS_PER_MS);
+	if (read->page != 0)
+		fprintf(out, "  behind a write of %u to register %u", device->pages->values[read->page - 1],
+			device->pages->address);
 	if (read->period_ns > 0)
 		fprintf(out, "  every %.0f ms", (double)read->period_ns / NS_PER_MS);
 	fputc('\n', out);

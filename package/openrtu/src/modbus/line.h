@@ -45,6 +45,10 @@
  * is written to a device that is silent, and none of it counts as a command or for the device's life: what the device
  * refuses is told once, and what it does not answer costs the line no more than a dead device does.
  *
+ * Pages (page.c). Some devices have many things at the same addresses, one of them at a time: a register says which. Before each read
+ * of what is on a page the line writes that register, and then comes this read: nothing goes to the line in between, but to others
+ * while the device needs its pause. A page that could not be chosen is not read: it is refused or unanswered as the read would be.
+ *
  * What a device is (identity.h, identify.c). It is asked when all that is read of it was read once since it is there, and nothing with a
  * period becomes due while the answer is waited for. Each such request is followed by none for as long as keeps what they cost below
  * one MODBUS_DEAD_SHAREth of the line's time. Silence and refusals say nothing of the device's life or its reads, and count as no exceptions.
@@ -140,6 +144,18 @@ struct modbus_line_counters {
 	struct modbus_histogram transactions; /* from the request to the end of its answer */
 };
 
+/* What a device has at the same addresses, one page at a time. */
+struct modbus_pages {
+	/* Filled in by the caller, who owns the memory. */
+	uint16_t address; /* of the holding register that chooses one */
+	uint8_t count;
+	uint16_t values[MODBUS_PAGES_MAX]; /* that are written there */
+
+	/* The line's own. */
+	bool turned;
+	uint32_t chosen; /* 1 + the read whose page is there, and which comes next; 0: none */
+};
+
 /* A request that is passed on, and what the caller knows it by. */
 struct modbus_passed {
 	uint32_t device;     /* index in the line's devices */
@@ -189,6 +205,7 @@ struct modbus_device {
 	struct modbus_kept *kept;  /* in the order in which they are written; NULL: none */
 	uint32_t kept_count;
 	struct modbus_identity *identity; /* NULL: it is not asked for it */
+	struct modbus_pages *pages;       /* NULL: it has none */
 
 	/* For the caller to look at. */
 	struct modbus_device_counters counters;
@@ -270,7 +287,15 @@ enum modbus_line_state {
 	MODBUS_TURNAROUND, /* after a broadcast */
 };
 
-enum modbus_purpose { MODBUS_SCAN, MODBUS_PROBE, MODBUS_COMMAND, MODBUS_KEEP, MODBUS_IDENTIFY, MODBUS_PASS };
+enum modbus_purpose {
+	MODBUS_SCAN,
+	MODBUS_PROBE,
+	MODBUS_COMMAND,
+	MODBUS_KEEP,
+	MODBUS_IDENTIFY,
+	MODBUS_PASS,
+	MODBUS_CHOOSE, /* the page of what is read next */
+};
 
 struct modbus_line {
 	/* Filled in by the caller, who owns the memory. */

@@ -75,6 +75,10 @@ void modbus_replan(struct modbus_line *line, struct modbus_device *device);
 bool modbus_refuse_read(struct modbus_line *line, uint32_t index, uint32_t read_index, uint8_t exception,
 			int64_t now_ns);
 
+/* The device lives, does not give this read, and is asked for it less and less often. */
+void modbus_set_read_aside(struct modbus_line *line, uint32_t index, uint32_t read_index, uint8_t exception,
+			   int64_t now_ns);
+
 /* It has answered, and lives; it did not answer, and may be dead; it cannot be reached any more. */
 void modbus_device_answered(struct modbus_line *line, uint32_t index, int64_t now_ns);
 void modbus_device_silent(struct modbus_line *line, uint32_t index, int64_t now_ns);
@@ -116,6 +120,17 @@ int64_t modbus_next_kept_ns(const struct modbus_device *device, int64_t now_ns);
 /* That under way has ended. */
 void modbus_kept_ended(struct modbus_line *line, enum modbus_result result, uint8_t exception,
 		       int64_t now_ns);
+
+/* ---- page.c ------------------------------------------------------------------------------ */
+
+/* Chooses the page of line->read. Returns the length of the request in line->frame. */
+size_t modbus_choose_page(struct modbus_line *line, uint32_t index, int64_t now_ns);
+/* That under way was answered. */
+void modbus_page_answered(struct modbus_line *line, bool is_exception, uint8_t exception, int64_t now_ns);
+/* The device whose page was chosen, and which may be read. False: there is none. */
+bool modbus_find_chosen(const struct modbus_line *line, int64_t now_ns, uint32_t *index);
+/* Its reads are others, or it is not there: nothing is chosen. */
+void modbus_forget_page(struct modbus_device *device);
 
 /* ---- identify.c -------------------------------------------------------------------------- */
 

@@ -13,7 +13,8 @@
 #define FAST_SILENCE_NS 1750000 /* MODBUS over Serial Line, 2.5.1.1: fixed above 19200 bit/s */
 #define TCP_LEAST_NS    (10 * NS_PER_MS)
 #define REQUEST_CHARS   8
-#define ANSWER_CHARS    5 /* besides the data */
+#define ANSWER_CHARS    5  /* besides the data */
+#define WRITE_CHARS     16 /* a write of one register and its confirmation */
 
 struct modbus_wire modbus_wire(uint32_t baud, unsigned bits_per_char)
 {
@@ -46,6 +47,8 @@ static int compare_objects(const void *left, const void *right)
 
 	if (a->period_ms != b->period_ms)
 		return a->period_ms < b->period_ms ? -1 : 1;
+	if (a->page != b->page)
+		return a->page < b->page ? -1 : 1;
 	if (a->function != b->function)
 		return a->function < b->function ? -1 : 1;
 	return (a->address > b->address) - (a->address < b->address);
@@ -75,6 +78,7 @@ static struct modbus_read read_of(const struct modbus_object *objects, uint32_t 
 	    .first = first,
 	    .address = objects[first].address,
 	    .function = objects[first].function,
+	    .page = objects[first].page,
 	    .period_ns = objects[first].period_ms * NS_PER_MS,
 	};
 
@@ -103,6 +107,13 @@ int64_t modbus_read_ns(const struct modbus_wire *wire, uint8_t function, uint16_
 	return taken_ns > wire->least_ns ? taken_ns : wire->least_ns;
 }
 
+int64_t modbus_page_ns(const struct modbus_wire *wire, int64_t reaction_ns)
+{
+	int64_t taken_ns = wire->before_ns + WRITE_CHARS * wire->char_ns + 2 * wire->silence_ns + reaction_ns;
+
+	return taken_ns > wire->least_ns ? taken_ns : wire->least_ns;
+}
+
 int64_t modbus_reaction_ns(const struct modbus_limits *limits)
 {
 	return limits->reaction_ns > 0 ? limits->reaction_ns : MODBUS_REACTION_NS;
@@ -117,10 +128,11 @@ static int64_t duration(const struct modbus_wire *wire, const struct modbus_limi
 			const struct modbus_read *read)
 {
 	const struct modbus_wire behind = modbus_wire(DEFAULT_BAUD, DEFAULT_BITS);
+	const struct modbus_wire *taken = wire->connection ? &behind : wire;
+	const int64_t reaction_ns = wire->connection ? MODBUS_REACTION_NS : modbus_reaction_ns(limits);
 
-	if (wire->connection)
-		return modbus_read_ns(&behind, read->function, read->count, MODBUS_REACTION_NS);
-	return modbus_read_ns(wire, read->function, read->count, modbus_reaction_ns(limits));
+	return modbus_read_ns(taken, read->function, read->count, reaction_ns) +
+	       (read->page != 0 ? modbus_page_ns(taken, reaction_ns) : 0);
 }
 
 /* Takes the object behind the read into it when that is allowed and not slower than a read of its own. */
@@ -129,7 +141,7 @@ static bool merge_next(const struct modbus_wire *wire, const struct modbus_limit
 {
 	uint32_t next = read->first + read->objects;
 
-	if (objects[next].function != read->function ||
+	if (objects[next].function != read->function || objects[next].page != read->page ||
 	    objects[next].period_ms * NS_PER_MS != read->period_ns ||
 	    (uint32_t)objects[next].address + objects[next].width - read->address > MODBUS_BITS_MAX)
 		return false;

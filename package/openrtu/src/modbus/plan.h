@@ -20,13 +20,16 @@
 #define MODBUS_ILLEGAL_ADDRESS  2
 #define MODBUS_ILLEGAL_VALUE    3 /* the quantity */
 
+#define MODBUS_PAGES_MAX 31 /* of a device */
+
 /* What a device offers at one address. Its bits or registers always travel in one answer. */
 struct modbus_object {
-	uint32_t tag;          /* the caller's; not looked at */
-	uint16_t address;      /* from 0 */
-	uint16_t function : 4; /* that reads it: 1..4 */
-	uint16_t width : 12;   /* bits or registers, with what lies between those that belong together */
-	uint32_t period_ms;    /* it is read so often, 0: in turn */
+	uint32_t tag;            /* the caller's; not looked at */
+	uint16_t address;        /* from 0 */
+	uint16_t function : 4;   /* that reads it: 1..4 */
+	uint16_t width : 12;     /* bits or registers, with what lies between those that belong together */
+	uint32_t period_ms : 27; /* it is read so often, 0: in turn */
+	uint32_t page : 5; /* that is chosen before it is read: its place among the device's and 1; 0: none */
 };
 
 /* What one request may read of a device, and how soon it answers; all 0: nothing is known of it. */
@@ -46,6 +49,7 @@ struct modbus_read {
 	uint8_t function;
 	bool holed;     /* carries addresses that no object has */
 	bool given;     /* it was answered with data */
+	uint8_t page;   /* as of its objects */
 	uint32_t whole; /* 1 + the first object of the refused read that this is the second part of, else 0 */
 	uint8_t whole_exception; /* that it was refused with, 0: it was not answered */
 	uint16_t failures;       /* in a row, while the device answered other requests */
@@ -94,12 +98,15 @@ int64_t modbus_reaction_ns(const struct modbus_limits *limits);
  */
 int64_t modbus_read_ns(const struct modbus_wire *wire, uint8_t function, uint16_t count, int64_t reaction_ns);
 
-/* Sorts by period, function, address: the order modbus_plan needs. */
+/* What it takes besides to choose the page of what is read, by a write of one register. */
+int64_t modbus_page_ns(const struct modbus_wire *wire, int64_t reaction_ns);
+
+/* Sorts by period, page, function, address: the order modbus_plan needs. */
 void modbus_objects_sort(struct modbus_object *objects, size_t count);
 
 /*
  * Plans the reads of count sorted objects into reads, which has room for count of them. Returns how
- * many reads it made. Neighbours of one period are merged within the limits, over a hole too when carrying the
+ * many reads it made. Neighbours of one period and page are merged within the limits, over a hole too when carrying the
  * hole takes less time than another request. An object that is wider than the limits is a read of its own.
  */
 uint32_t modbus_plan(const struct modbus_wire *wire, const struct modbus_limits *limits,

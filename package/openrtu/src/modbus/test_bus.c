@@ -702,7 +702,7 @@ void add_objects(uint8_t function, uint16_t address, uint16_t count)
 
 	for (uint16_t i = 0; i < count; i++)
 		bus.objects[index][device->object_count++] =
-		    (struct modbus_object){TAG_OF_OBJECT, (uint16_t)(address + i), function & 15u, 1, 0};
+		    (struct modbus_object){TAG_OF_OBJECT, (uint16_t)(address + i), function & 15u, 1, 0, 0};
 }
 
 void add_kept(uint8_t function, uint16_t address, uint16_t value, int64_t period_ns, uint32_t tag)

@@ -20,7 +20,7 @@ static void add(uint8_t function, uint16_t address, uint16_t count)
 {
 	for (uint16_t i = 0; i < count; i++)
 		objects[object_count++] =
-		    (struct modbus_object){0, (uint16_t)(address + i), function & 15u, 1, 0};
+		    (struct modbus_object){0, (uint16_t)(address + i), function & 15u, 1, 0, 0};
 }
 
 static void plan(void)
@@ -264,7 +264,8 @@ static void make_device(uint32_t *seed, bool limited, bool holed, bool lacks)
 	while (object_count < 60) {
 		uint16_t width = (uint16_t)(1 + (random_next(seed) % 4 == 0));
 
-		objects[object_count++] = (struct modbus_object){0, (uint16_t)address, 3, width & 0xFFFu, 0};
+		objects[object_count++] =
+		    (struct modbus_object){0, (uint16_t)address, 3, width & 0xFFFu, 0, 0};
 		address += width + (random_next(seed) % 8 == 0) * (1 + random_next(seed) % 8);
 	}
 	truth.limit = limited ? (uint16_t)(2 + random_next(seed) % 80) : 125;

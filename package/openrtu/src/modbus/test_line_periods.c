@@ -10,7 +10,7 @@ static void add_periodic_device(uint8_t unit, uint32_t period_ms)
 	add_device(unit, 1);
 	add_objects(MODBUS_READ_HOLDING_REGISTERS, 0, 8);
 	for (uint32_t i = 0; i < 8; i++)
-		bus.objects[unit - 1][i].period_ms = period_ms;
+		bus.objects[unit - 1][i].period_ms = period_ms & 0x7FFFFFFu;
 }
 
 /* Three devices of eight registers each, one request. Period 0: in turn. They run for a second. */

@@ -45,8 +45,11 @@ static void test_durations_of_the_wire(void **state)
 static void test_neighbours_are_one_request_and_tables_are_not(void **state)
 {
 	(void)state;
-	struct modbus_object objects[] = {
-	    {0, 2, 3, 1, 0}, {1, 0, 3, 2, 0}, {2, 0, 1, 1, 0}, {3, 1, 1, 2, 0}, {4, 0, 4, 1, 0}};
+	struct modbus_object objects[] = {{0, 2, 3, 1, 0, 0},
+					  {1, 0, 3, 2, 0, 0},
+					  {2, 0, 1, 1, 0, 0},
+					  {3, 1, 1, 2, 0, 0},
+					  {4, 0, 4, 1, 0, 0}};
 	struct modbus_wire wire = slow_wire();
 
 	modbus_objects_sort(objects, COUNT(objects));
@@ -65,8 +68,8 @@ static void test_holes_are_carried_while_that_is_shorter(void **state)
 {
 	(void)state;
 	struct modbus_wire wire = slow_wire();
-	struct modbus_object near[] = {{0, 0, 3, 1, 0}, {0, 13, 3, 1, 0}};
-	struct modbus_object far[] = {{0, 0, 3, 1, 0}, {0, 14, 3, 1, 0}};
+	struct modbus_object near[] = {{0, 0, 3, 1, 0, 0}, {0, 13, 3, 1, 0, 0}};
+	struct modbus_object far[] = {{0, 0, 3, 1, 0, 0}, {0, 14, 3, 1, 0, 0}};
 
 	assert_int_equal(modbus_plan(&wire, &unlimited, near, 2, reads), 1);
 	assert_read(&reads[0], 3, 0, 14, 2);
@@ -81,8 +84,8 @@ static void test_a_hole_is_weighed_against_the_device_s_reaction(void **state)
 	(void)state;
 	struct modbus_wire wire = slow_wire();
 	const struct modbus_limits slow = {.reaction_ns = 20000000}, fast = {.reaction_ns = 100000};
-	struct modbus_object near[] = {{0, 0, 3, 1, 0}, {0, 20, 3, 1, 0}};
-	struct modbus_object far[] = {{0, 0, 3, 1, 0}, {0, 21, 3, 1, 0}};
+	struct modbus_object near[] = {{0, 0, 3, 1, 0, 0}, {0, 20, 3, 1, 0, 0}};
+	struct modbus_object far[] = {{0, 0, 3, 1, 0, 0}, {0, 21, 3, 1, 0, 0}};
 
 	assert_int_equal(modbus_plan(&wire, &slow, near, 2, reads), 1);
 	assert_int_equal(modbus_plan(&wire, &slow, far, 2, reads), 2);
@@ -99,8 +102,8 @@ static void test_holes_on_tcp_are_those_of_a_line_behind(void **state)
 {
 	(void)state;
 	struct modbus_wire wire = modbus_wire_tcp(MODBUS_FRAMING_TCP);
-	struct modbus_object near[] = {{0, 0, 3, 1, 0}, {0, 15, 3, 1, 0}};
-	struct modbus_object far[] = {{0, 0, 3, 1, 0}, {0, 16, 3, 1, 0}};
+	struct modbus_object near[] = {{0, 0, 3, 1, 0, 0}, {0, 15, 3, 1, 0, 0}};
+	struct modbus_object far[] = {{0, 0, 3, 1, 0, 0}, {0, 16, 3, 1, 0, 0}};
 
 	assert_int_equal(modbus_plan(&wire, &unlimited, near, 2, reads), 1);
 	assert_int_equal(modbus_plan(&wire, &unlimited, far, 2, reads), 2);
@@ -112,8 +115,8 @@ static void test_bits_bridge_wider_holes(void **state)
 {
 	(void)state;
 	struct modbus_wire wire = slow_wire();
-	struct modbus_object near[] = {{0, 0, 1, 1, 0}, {0, 190, 1, 1, 0}};
-	struct modbus_object far[] = {{0, 0, 1, 1, 0}, {0, 230, 1, 1, 0}};
+	struct modbus_object near[] = {{0, 0, 1, 1, 0, 0}, {0, 190, 1, 1, 0, 0}};
+	struct modbus_object far[] = {{0, 0, 1, 1, 0, 0}, {0, 230, 1, 1, 0, 0}};
 
 	assert_int_equal(modbus_plan(&wire, &unlimited, near, 2, reads), 1);
 	assert_int_equal(modbus_plan(&wire, &unlimited, far, 2, reads), 2);
@@ -125,13 +128,13 @@ static void test_limits_are_kept_and_no_object_is_torn(void **state)
 	struct modbus_wire wire = slow_wire();
 
 	for (uint32_t i = 0; i < 100; i++)
-		many[i] = (struct modbus_object){i, (uint16_t)(2 * i), 3, 2, 0};
+		many[i] = (struct modbus_object){i, (uint16_t)(2 * i), 3, 2, 0, 0};
 	assert_int_equal(modbus_plan(&wire, &unlimited, many, 100, reads), 2);
 	assert_read(&reads[0], 3, 0, 124, 62);
 	assert_read(&reads[1], 3, 124, 76, 38);
 
 	for (uint32_t i = 0; i < 2001; i++)
-		many[i] = (struct modbus_object){i, (uint16_t)i, 2, 1, 0};
+		many[i] = (struct modbus_object){i, (uint16_t)i, 2, 1, 0, 0};
 	assert_int_equal(modbus_plan(&wire, &unlimited, many, 2001, reads), 2);
 	assert_read(&reads[0], 2, 0, 2000, 2000);
 	assert_read(&reads[1], 2, 2000, 1, 1);
@@ -143,9 +146,10 @@ static void test_limits_of_the_device_are_kept(void **state)
 	(void)state;
 	struct modbus_wire wire = slow_wire();
 	const struct modbus_limits limits = {.bits = 16, .registers = 5};
-	struct modbus_object objects[] = {
-	    {0, 0, 1, 1, 0}, {1, 14, 1, 2, 0}, {2, 16, 1, 1, 0}, {3, 0, 3, 1, 0},  {4, 1, 3, 2, 0},
-	    {5, 3, 3, 2, 0}, {6, 5, 3, 1, 0},  {7, 0, 4, 1, 0},  {8, 10, 4, 6, 0}, {9, 16, 4, 1, 0}};
+	struct modbus_object objects[] = {{0, 0, 1, 1, 0, 0}, {1, 14, 1, 2, 0, 0}, {2, 16, 1, 1, 0, 0},
+					  {3, 0, 3, 1, 0, 0}, {4, 1, 3, 2, 0, 0},  {5, 3, 3, 2, 0, 0},
+					  {6, 5, 3, 1, 0, 0}, {7, 0, 4, 1, 0, 0},  {8, 10, 4, 6, 0, 0},
+					  {9, 16, 4, 1, 0, 0}};
 
 	assert_int_equal(modbus_plan(&wire, &limits, objects, COUNT(objects), reads), 7);
 	assert_read(&reads[0], 1, 0, 16, 2);
@@ -162,8 +166,8 @@ static void test_without_holes_only_neighbours_are_merged(void **state)
 	(void)state;
 	struct modbus_wire wire = slow_wire();
 	const struct modbus_limits limits = {.no_holes = true};
-	struct modbus_object objects[] = {{0, 0, 2, 1, 0}, {1, 1, 2, 1, 0}, {2, 3, 2, 1, 0},
-					  {3, 7, 3, 2, 0}, {4, 9, 3, 1, 0}, {5, 11, 3, 2, 0}};
+	struct modbus_object objects[] = {{0, 0, 2, 1, 0, 0}, {1, 1, 2, 1, 0, 0}, {2, 3, 2, 1, 0, 0},
+					  {3, 7, 3, 2, 0, 0}, {4, 9, 3, 1, 0, 0}, {5, 11, 3, 2, 0, 0}};
 
 	assert_int_equal(modbus_plan(&wire, &limits, objects, COUNT(objects), reads), 4);
 	assert_read(&reads[0], 2, 0, 2, 2);
@@ -176,7 +180,7 @@ static void test_the_ends_of_the_address_space(void **state)
 {
 	(void)state;
 	struct modbus_wire wire = slow_wire();
-	struct modbus_object objects[] = {{0, 0, 3, 1, 0}, {0, 65534, 3, 1, 0}, {0, 65535, 3, 1, 0}};
+	struct modbus_object objects[] = {{0, 0, 3, 1, 0, 0}, {0, 65534, 3, 1, 0, 0}, {0, 65535, 3, 1, 0, 0}};
 
 	assert_int_equal(modbus_plan(&wire, &unlimited, objects, 3, reads), 2);
 	assert_read(&reads[0], 3, 0, 1, 1);
@@ -188,7 +192,7 @@ static void test_halving_ends_at_single_objects(void **state)
 	(void)state;
 	struct modbus_wire wire = slow_wire();
 	struct modbus_object objects[] = {
-	    {0, 0, 3, 1, 0}, {1, 1, 3, 1, 0}, {2, 4, 3, 2, 0}, {3, 40, 3, 1, 0}};
+	    {0, 0, 3, 1, 0, 0}, {1, 1, 3, 1, 0, 0}, {2, 4, 3, 2, 0, 0}, {3, 40, 3, 1, 0, 0}};
 	uint32_t count = modbus_plan(&wire, &unlimited, objects, 4, reads);
 
 	assert_int_equal(count, 2);
@@ -222,8 +226,12 @@ static void test_every_object_is_in_one_read(void **state)
 		uint32_t total = 1 + random_next(&seed) % 300, address = 0;
 
 		for (uint32_t i = 0; i < total; i++) {
-			many[i] = (struct modbus_object){i, (uint16_t)address, (1 + i * 4 / total) & 15u,
-							 (uint8_t)(1 + random_next(&seed) % 2), 0};
+			many[i] = (struct modbus_object){i,
+							 (uint16_t)address,
+							 (1 + i * 4 / total) & 15u,
+							 (uint8_t)(1 + random_next(&seed) % 2),
+							 0,
+							 0};
 			address += 2 + random_next(&seed) % 3 * (random_next(&seed) % 60);
 		}
 		uint32_t count = modbus_plan(&wire, &unlimited, many, total, reads);
@@ -253,8 +261,11 @@ static void test_objects_with_a_period_have_requests_of_their_own(void **state)
 {
 	(void)state;
 	struct modbus_wire wire = slow_wire();
-	struct modbus_object objects[] = {
-	    {0, 0, 3, 1, 0}, {1, 1, 3, 1, 100}, {2, 2, 3, 1, 0}, {3, 3, 3, 1, 100}, {4, 4, 3, 1, 500}};
+	struct modbus_object objects[] = {{0, 0, 3, 1, 0, 0},
+					  {1, 1, 3, 1, 100, 0},
+					  {2, 2, 3, 1, 0, 0},
+					  {3, 3, 3, 1, 100, 0},
+					  {4, 4, 3, 1, 500, 0}};
 
 	modbus_objects_sort(objects, COUNT(objects));
 	assert_int_equal(modbus_plan(&wire, &unlimited, objects, COUNT(objects), reads), 3);

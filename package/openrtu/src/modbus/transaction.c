@@ -11,6 +11,7 @@ static int64_t timeout_of(const struct modbus_line *line, const struct modbus_de
 	if (line->purpose == MODBUS_PASS)
 		return modbus_pass_timeout(line, device);
 	if (line->purpose == MODBUS_COMMAND || line->purpose == MODBUS_KEEP ||
+	    line->purpose == MODBUS_CHOOSE ||
 	    (line->purpose == MODBUS_SCAN && device->reads[line->read].failures > 0))
 		return device->response_timeout_ns;
 	return modbus_timeout(device);
@@ -78,19 +79,33 @@ static void read_answered(struct modbus_line *line, const uint8_t *data, int64_t
 		modbus_replan(line, device);
 }
 
-static void read_refused(struct modbus_line *line, uint8_t exception, int64_t now_ns)
+/* It is through for this time. */
+static void leave_refused(struct modbus_line *line, uint8_t exception)
 {
 	struct modbus_device *device = &line->devices[line->device];
 	struct modbus_read *read = &device->reads[line->read];
 
-	line->scan_ended_ns = now_ns;
-	if (modbus_refuse_read(line, line->device, line->read, exception, now_ns))
-		return;
 	serve_period(line, read);
 	if (modbus_is_of_the_moment(exception)) /* which is shorter than a long period */
 		read->due_ns = earlier(read->due_ns, read->not_before_ns);
 	if (line->read == device->cursor)
 		device->cursor++;
+}
+
+static void read_refused(struct modbus_line *line, uint8_t exception, int64_t now_ns)
+{
+	line->scan_ended_ns = now_ns;
+	if (!modbus_refuse_read(line, line->device, line->read, exception, now_ns))
+		leave_refused(line, exception);
+}
+
+static void page_answered(struct modbus_line *line, bool is_exception, uint8_t exception, int64_t now_ns)
+{
+	const struct modbus_read *read = &line->devices[line->device].reads[line->read];
+
+	modbus_page_answered(line, is_exception, exception, now_ns);
+	if (is_exception && read->not_before_ns > now_ns)
+		leave_refused(line, exception);
 }
 
 static void count_answer(struct modbus_line *line, bool exception)
@@ -189,6 +204,8 @@ void modbus_request_answered(struct modbus_line *line, const uint8_t *body, bool
 		kept_answered(line, is_exception, unreachable, exception, now_ns);
 	else if (line->purpose == MODBUS_IDENTIFY)
 		modbus_identify_answered(line, unreachable ? NULL : body, is_exception, now_ns);
+	else if (line->purpose == MODBUS_CHOOSE && !unreachable)
+		page_answered(line, is_exception, exception, now_ns);
 	else if (line->purpose == MODBUS_SCAN && !is_exception)
 		read_answered(line, body + 3, now_ns);
 	else if (line->purpose == MODBUS_SCAN && !unreachable)
@@ -291,7 +308,7 @@ static void request_unanswered(struct modbus_line *line, bool too_soon, int64_t 
 		modbus_kept_ended(line, MODBUS_TIMED_OUT, 0, now_ns);
 	else if (line->purpose == MODBUS_IDENTIFY)
 		modbus_identify_answered(line, NULL, false, now_ns);
-	else if (line->purpose == MODBUS_SCAN && !too_soon)
+	else if ((line->purpose == MODBUS_SCAN || line->purpose == MODBUS_CHOOSE) && !too_soon)
 		device->reads[line->read].failures++;
 	if (line->purpose != MODBUS_KEEP &&
 	    line->purpose != MODBUS_IDENTIFY) /* the reads find out whether it lives */
@@ -316,7 +333,7 @@ void modbus_request_torn(struct modbus_line *line, int64_t now_ns)
 	/* Some hang up on what they do not know. */
 	else if (line->purpose == MODBUS_IDENTIFY)
 		modbus_identify_answered(line, NULL, false, now_ns);
-	else if (line->purpose == MODBUS_SCAN)
+	else if (line->purpose == MODBUS_SCAN || line->purpose == MODBUS_CHOOSE)
 		device->reads[line->read].failures++;
 }
 

@@ -15,16 +15,37 @@ static size_t begin_probe(struct modbus_line *line, uint32_t index, int64_t now_
 	return modbus_begin(line, MODBUS_PROBE, index, now_ns);
 }
 
-static size_t begin_read(struct modbus_line *line, uint32_t index, uint32_t read_index, int64_t now_ns)
+static size_t ask(struct modbus_line *line, uint32_t index, uint32_t read_index, int64_t now_ns)
 {
 	const struct modbus_device *device = &line->devices[index];
-	struct modbus_read *read = &device->reads[read_index];
+	const struct modbus_read *read = &device->reads[read_index];
 
-	read->urgent = false;
 	line->read = read_index;
 	line->request = (struct modbus_request){
 	    .unit = device->unit, .function = read->function, .address = read->address, .count = read->count};
 	return modbus_begin(line, MODBUS_SCAN, index, now_ns);
+}
+
+static size_t begin_read(struct modbus_line *line, uint32_t index, uint32_t read_index, int64_t now_ns)
+{
+	struct modbus_read *read = &line->devices[index].reads[read_index];
+
+	read->urgent = false;
+	line->read = read_index;
+	return read->page != 0 ? modbus_choose_page(line, index, now_ns)
+			       : ask(line, index, read_index, now_ns);
+}
+
+/* What the page that was chosen last has: nothing goes before it. */
+static size_t begin_chosen_read(struct modbus_line *line, int64_t now_ns)
+{
+	uint32_t index, read;
+
+	if (!modbus_find_chosen(line, now_ns, &index))
+		return 0;
+	read = line->devices[index].pages->chosen - 1;
+	modbus_forget_page(&line->devices[index]);
+	return ask(line, index, read, now_ns);
 }
 
 static bool is_first_of_device(const struct modbus_line *line, uint32_t place)
@@ -302,8 +323,10 @@ static size_t begin_in_turn(struct modbus_line *line, int64_t now_ns)
 /* However many commands come and writes of its own are due, polling goes on; however many reads are due, the scan does. */
 size_t modbus_begin_next(struct modbus_line *line, int64_t now_ns)
 {
-	size_t length = 0;
+	size_t length = begin_chosen_read(line, now_ns);
 
+	if (length > 0)
+		return length;
 	if (line->commands_in_row < MODBUS_COMMANDS_IN_ROW)
 		length = begin_command(line, now_ns);
 	if (length > 0)

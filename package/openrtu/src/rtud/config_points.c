@@ -73,6 +73,7 @@ static const unsigned object_columns[] = {
     OBJECT_WRITE_AT_RETURN,
     OBJECT_WRITE_EVERY,
     OBJECT_LENGTH,
+    OBJECT_PAGE,
 };
 #define DIGITS_LEAST 15 /* of a double */
 #define DIGITS_MOST  17

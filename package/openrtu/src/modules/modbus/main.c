@@ -160,6 +160,16 @@ static struct line_news *new_news(uint32_t count)
 	return news;
 }
 
+/* That it is written without a command. */
+static void say_pages(const struct gateway *gateway, uint32_t device, const struct modbus_pages *pages)
+{
+	if (pages != NULL)
+		map_log(gateway->map, MAP_LOG_INFO,
+			"%s: register %u is written before each read of its %u page%s",
+			gateway->config->sets[device].name, pages->address, pages->count,
+			pages->count == 1 ? "" : "s");
+}
+
 static void set_up_port(struct gateway *gateway, uint32_t number, const char *directory)
 {
 	struct port *port = &gateway->ports[gateway->port_count];
@@ -180,8 +190,10 @@ static void set_up_port(struct gateway *gateway, uint32_t number, const char *di
 					 .exponents = gateway->exponents};
 	if (!modbus_line_configure(&port->line, gateway->config, number))
 		out_of_memory();
-	for (uint32_t i = 0; i < port->line.device_count; i++)
+	for (uint32_t i = 0; i < port->line.device_count; i++) {
 		constants_make(gateway->config, &port->line.devices[i]);
+		say_pages(gateway, port->config->first_device + i, port->line.devices[i].pages);
+	}
 	modbus_name_counters(gateway->map, number);
 	line_counters_take(port);
 	snprintf(name, sizeof(name), "line%u", port->config->port);
