@@ -23,6 +23,9 @@ from openrtu_tools.modbus.made import TABLES
 INSTALLED = [Path(prefix) / "share/openrtu/templates" for prefix in ("/usr/local", "/usr")]
 LETTERS = dict(zip(TABLES, "cdih", strict=True))
 NAMES_SHOWN = 4
+HOLDING = "holding_registers"
+SUNSPEC_AT = 40069  # where the files of the models have their IDs
+LAST_REGISTER = 65535
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,7 @@ def folder() -> Path:
 def read(path: Path) -> list[Device]:
     """All templates of a folder, by kind and name. Raises UnusableInput."""
     found = []
-    for file in sorted(path.glob("*.json")):
+    for file in sorted(path.rglob("*.json")):
         content = document.read(file)
         about = content.get("about")
         templates = content.get("templates", {})
@@ -197,6 +200,33 @@ def shown(device: Device) -> str:
     return "\n".join(part for number, part in enumerate(parts) if part or number > 3)
 
 
+# ---- a device of several models ---------------------------------------------------------------------
+
+
+def moved(one: Json, by: int, prefix: str) -> Json:
+    """An object of a model that stands elsewhere. Objects that others name are of the same model."""
+    changed = {key: one[key] + by for key in ("address", "scale_register", "ioa") if key in one}
+    names = {key: prefix + one[key] for key in ("name", "scale_by") if key in one}
+    return one | changed | names
+
+
+def sunspec(devices: Sequence[Device], words: Sequence[str]) -> Json:
+    """A file with one template, of all models that a device has. Raises UnusableInput."""
+    models = {device.about["model"]: device for device in devices if "model" in device.about}
+    template: Json = {"description": "SunSpec", "period_ms": 1000, HOLDING: []}
+    for word in words:
+        number, _, address = word.partition("@")
+        if not (number.isdigit() and address.isdigit() and int(address) <= LAST_REGISTER):
+            raise UnusableInput(f"{word}: is no model and its address, as 103@40069")
+        if int(number) not in models:
+            raise UnusableInput(f"{word}: there is no template of model {number}")
+        device = models[int(number)]
+        by = int(address) - SUNSPEC_AT
+        template[HOLDING] += [moved(one, by, f"m{number}/") for _, one in device.objects()]
+    about = {"device": f"SunSpec models {', '.join(words)}", "untried": True}
+    return {"about": about, "templates": {"sunspec-device": template}}
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "words",
@@ -206,10 +236,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--folder", type=Path, help="where the templates are [those of this OpenRTU]")
     parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.add_argument(
+        "--sunspec",
+        nargs="+",
+        metavar="MODEL@ADDRESS",
+        help="print a file with one template of these SunSpec models, as 103@40069: where each one's ID is",
+    )
 
 
 def run(parsed: argparse.Namespace) -> int:
     devices = read(parsed.folder or folder())
+    if parsed.sunspec:
+        print(json.dumps(sunspec(devices, parsed.sunspec), indent=2, ensure_ascii=False))
+        return 0
     found: list[Device] = [device for device in devices if [device.name] == parsed.words]
     found = found or [device for device in devices if device.fits(parsed.words)]
     if not found:

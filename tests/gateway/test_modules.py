@@ -28,7 +28,7 @@ EVERYWHERE = {
     "rtu-iec61850",
     "rtu-logic",
     "rtu-synch",
-    *(path.name for path in (SOURCES / "templates").iterdir()),
+    *(path.name for path in (SOURCES / "templates").rglob("*.json")),
 }
 LIBRARY = {"libopenrtu.so", "libopenrtu.so.0", "openrtu.h", "openrtu.pc"}
 EVERYWHERE |= LIBRARY

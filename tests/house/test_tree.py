@@ -31,6 +31,7 @@ LICENCES = [
     ("dts/bindings/*", "GPL-2.0-only OR BSD-2-Clause"),
     ("dts/*", "GPL-2.0-only OR MIT"),
     ("scripts/lab/boat.nmea", "BSD-2-Clause"),
+    ("package/openrtu/src/templates/sunspec/*", "Apache-2.0"),
     ("*", "GPL-3.0-or-later"),
 ]
 NO_COMMENT = {".csv", ".json", ".pcap", ".png", ".seed", "VERSION", "copyright", "format"}

@@ -32,7 +32,10 @@ MODULES = {
     "rtu-web",
 }
 DESK = {"logic-desk", "journal-events"}
-TEMPLATES = {path.name for path in (ROOT / "package/openrtu/src/templates").iterdir()}
+TEMPLATES = {
+    str(path.relative_to(ROOT / "package/openrtu/src/templates"))
+    for path in (ROOT / "package/openrtu/src/templates").rglob("*.json")
+}
 PAGES = {"rtuctl.1", "rtu-centre.1", "rtud.8", *(f"{name}.8" for name in MODULES)}
 TOOLS_PAGES = {"openrtu.1", "nuc980-pins.1", "nuc980-netboot.1"}
 # libopenrtu, where this machine's architecture has its libraries.

@@ -53,6 +53,17 @@ def test_a_folder_of_ones_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert '"host": "192.0.2.20"' in said(capsys, "--folder", str(tmp_path), "acme")
 
 
+def test_a_device_of_several_models_is_one_template(capsys: pytest.CaptureFixture[str]) -> None:
+    made = json.loads(said(capsys, "--sunspec", "103@40069", "160@40200"))
+    rows = {row["name"]: row for row in made["templates"]["sunspec-device"]["holding_registers"]}
+    assert (rows["m103/W"]["address"], rows["m103/W"]["scale_register"]) == (40083, 40084)
+    assert (rows["m160/module1/DCA"]["address"], rows["m160/module1/DCA"]["scale_register"]) == (40219, 40202)
+    assert len({row["ioa"] for row in rows.values()}) == len(rows)
+    for wrong in ("103", "103@x", "99999@40069"):
+        assert main(["devices", "--sunspec", wrong]) == 2
+        assert wrong in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("text", [None, "[]", '{"templates": []}'])
 def test_no_templates(tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str | None) -> None:
     if text is not None:
