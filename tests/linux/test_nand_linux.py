@@ -349,6 +349,21 @@ def test_raw_write_is_the_page_as_given(linux: Linux, nand: NandImage, erased: i
     assert nand.read(erased) == CONTENT[:PAGE]
 
 
+# ---- late ticks
+
+
+def test_time_out_is_not_over_before_its_time(
+    boot: Boot, extra_files: dict[str, Path | str], tmp_path: Path
+) -> None:
+    """The host's disk takes longer for a block than the erasure may; meanwhile the board gets no tick."""
+    flash = NandImage.blank(tmp_path / "nand")
+    with boot("-drive", f"if=mtd,format=raw,id=flash,file={flash.path}", files=extra_files) as linux:
+        unlimited = dict.fromkeys(("bps", "bps_rd", "bps_wr", "iops", "iops_rd"), 0)
+        linux.machine.command("block_set_io_throttle", device="flash", iops_wr=10, **unlimited)
+        blocks = " ".join(str(block * BLOCK) for block in range(40))
+        linux.run(f"for at in {blocks}; do flashwork erase {OTHER} $at || exit 1; done", 120)
+
+
 # ---- UBI and UBIFS
 
 
