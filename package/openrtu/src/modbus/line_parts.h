@@ -123,14 +123,18 @@ void modbus_kept_ended(struct modbus_line *line, enum modbus_result result, uint
 
 /* ---- page.c ------------------------------------------------------------------------------ */
 
-/* Chooses the page of line->read. Returns the length of the request in line->frame. */
-size_t modbus_choose_page(struct modbus_line *line, uint32_t index, int64_t now_ns);
+/* What chooses the page of a read. */
+struct modbus_request modbus_page_request(const struct modbus_device *device, uint32_t read);
 /* That under way was answered. */
 void modbus_page_answered(struct modbus_line *line, bool is_exception, uint8_t exception, int64_t now_ns);
 /* The device whose page was chosen, and which may be read. False: there is none. */
 bool modbus_find_chosen(const struct modbus_line *line, int64_t now_ns, uint32_t *index);
 /* Its reads are others, or it is not there: nothing is chosen. */
-void modbus_forget_page(struct modbus_device *device);
+static inline void modbus_forget_page(struct modbus_device *device)
+{
+	if (device->pages != NULL)
+		device->pages->chosen = 0;
+}
 
 /* ---- identify.c -------------------------------------------------------------------------- */
 

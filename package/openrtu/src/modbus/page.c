@@ -2,19 +2,17 @@
 /* Reads that a write prepares (line.h, "Pages"). */
 #include "modbus/line_parts.h"
 
-size_t modbus_choose_page(struct modbus_line *line, uint32_t index, int64_t now_ns)
+struct modbus_request modbus_page_request(const struct modbus_device *device, uint32_t read)
 {
-	const struct modbus_device *device = &line->devices[index];
 	const struct modbus_pages *pages = device->pages;
+	struct modbus_request request = {.unit = device->unit,
+					 .function = MODBUS_WRITE_REGISTER,
+					 .address = pages->address,
+					 .count = 1,
+					 .values = {pages->values[device->reads[read].page - 1]}};
 
-	line->request =
-	    (struct modbus_request){.unit = device->unit,
-				    .function = MODBUS_WRITE_REGISTER,
-				    .address = pages->address,
-				    .count = 1,
-				    .values = {pages->values[device->reads[line->read].page - 1]}};
-	modbus_choose_function(device, &line->request);
-	return modbus_begin(line, MODBUS_CHOOSE, index, now_ns);
+	modbus_choose_function(device, &request);
+	return request;
 }
 
 /* What the device says of the register is no word about the addresses that are read behind it. */
@@ -41,10 +39,4 @@ bool modbus_find_chosen(const struct modbus_line *line, int64_t now_ns, uint32_t
 		return true;
 	}
 	return false;
-}
-
-void modbus_forget_page(struct modbus_device *device)
-{
-	if (device->pages != NULL)
-		device->pages->chosen = 0;
 }

@@ -31,9 +31,11 @@ static size_t begin_read(struct modbus_line *line, uint32_t index, uint32_t read
 	struct modbus_read *read = &line->devices[index].reads[read_index];
 
 	read->urgent = false;
+	if (read->page == 0)
+		return ask(line, index, read_index, now_ns);
 	line->read = read_index;
-	return read->page != 0 ? modbus_choose_page(line, index, now_ns)
-			       : ask(line, index, read_index, now_ns);
+	line->request = modbus_page_request(&line->devices[index], read_index);
+	return modbus_begin(line, MODBUS_CHOOSE, index, now_ns);
 }
 
 /* What the page that was chosen last has: nothing goes before it. */
