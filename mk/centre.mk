@@ -17,7 +17,8 @@ $(PAGE)/done: build/centre/npm.done $(PAGE_FILES)
 build/centre/npm.done: centre/page/package.json centre/page/package-lock.json
 build/provider/npm.done: tests/centre/provider/package.json tests/centre/provider/package-lock.json
 build/axe/npm.done: tests/centre/axe/package.json tests/centre/axe/package-lock.json
-build/centre/npm.done build/provider/npm.done build/axe/npm.done:
+build/modbus-peers/npm.done: tests/peers/npm/package.json tests/peers/npm/package-lock.json
+build/centre/npm.done build/provider/npm.done build/axe/npm.done build/modbus-peers/npm.done:
 	@command -v npm > /dev/null || scripts/setup-packages.sh scripts/packages-npm.txt
 	@mkdir -p $(@D) && cp $^ $(@D)
 	$(LOGGED) npm-$(notdir $(@D)) npm --prefix $(@D) ci --ignore-scripts --no-audit --no-fund

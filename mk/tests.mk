@@ -75,7 +75,7 @@ AREA = $(PYTEST) $(or $(FILES),$(@:test-%=tests/%))
 
 test-station: build $(TESTED) ## Test: the controlled station: IEC 104 and TLS
 test-controlling: build $(TESTED) ## Test: the controlling station: outstations, the centre's collector
-test-lines: build $(TESTED) ## Test: the Modbus lines and their devices
+test-lines: build build/modbus-peers/npm.done $(TESTED) ## Test: the Modbus lines and their devices
 test-gateway: build $(TESTED) ## Test: the gateway as a whole: reloads, kills, power cuts, rtuctl
 test-config: build .asan $(TESTED) ## Test: the configuration, templates, lists of points
 test-modules: build $(TESTED) ## Test: modules of others, the net between modules
@@ -120,7 +120,7 @@ test-offline: build qemu uboot $(TESTED) ## Test: the image of image-offline on 
 test-sanitizers: build .asan $(TESTED) ## Test: the gateway's tests, its modules under AddressSanitizer and UBSan
 	OPENRTU_BUILD=build/asan $(PYTEST) $(UNDER_SANITIZERS)
 
-test-native: build .compared .asan fuzzers qemu uboot centre-page build/provider/npm.done build/axe/npm.done $(WHEELING) $(PACKAGING) build/packages-centre.done build/gpsd/done build/chronyd/done build/mibs/done build/exporter/done $(TESTED) ## Test: all of pytest but Linux on the emulated board
+test-native: build .compared .asan fuzzers qemu uboot centre-page build/provider/npm.done build/axe/npm.done build/modbus-peers/npm.done $(WHEELING) $(PACKAGING) build/packages-centre.done build/gpsd/done build/chronyd/done build/mibs/done build/exporter/done $(TESTED) ## Test: all of pytest but Linux on the emulated board
 	$(PYTEST) --ignore=tests/linux
 
 test-user: ## Test: the README's two commands as a user without rights (takes root)
@@ -131,7 +131,7 @@ test-changed: $(TESTED) ## Test: what a change can reach, and why (BASE=commit: 
 
 # What several parts of `make test` need, built before them by one make; and what test-linux alone needs: tests/run/run.py.
 .PHONY: .shared .linux-alone
-.shared: build .compared qemu uboot centre-page build/provider/npm.done build/axe/npm.done $(WHEELING) $(PACKAGING) build/packages-centre.done build/sysroot.ini \
+.shared: build .compared qemu uboot centre-page build/provider/npm.done build/axe/npm.done build/modbus-peers/npm.done $(WHEELING) $(PACKAGING) build/packages-centre.done build/sysroot.ini \
   build/gpsd/done build/chronyd/done build/mibs/done $(TESTED)
 .linux-alone: linux build/boards/numaker/u-boot/done build/swupdate/done build/curl/done $(SYSTEM_PARTS) build/root/gateway-tls.done
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The gateway on Modbus devices of other makes: servers of pymodbus and libmodbus, on lines and TCP."""
+"""The gateway on Modbus devices of other makes: of C, Python and Node, on lines and TCP."""
 
 import contextlib
 import random
@@ -18,7 +18,9 @@ from peers.device import BAUD_RATE, FIRST_ADDRESS, UNIT, Device
 from peers.device_server import device_server
 from peers.libmodbus_device import LibmodbusDevice
 from peers.line import line
+from peers.npm_device import JsmodbusDevice, NpmDevice
 from peers.pymodbus_device import PymodbusAsciiDevice, PymodbusDevice, PymodbusRtuDevice
+from peers.umodbus_device import UmodbusDevice
 from rig.capture import recorded
 from rig.desk import patience
 
@@ -31,8 +33,12 @@ RTU_PORTS = {
     "pymodbus-rtu": 9,
     "libmodbus-server": 10,
 }  # RTU over TCP: the one itself, the other behind a device server
+TCP_ALONE: dict[str, tuple[int, type[Device]]] = {
+    "umodbus": (11, UmodbusDevice),
+    "modbus-serial": (12, NpmDevice),
+}
 ASCII, ASCII_PORT = "pymodbus-ascii", 3  # ttyS3
-PEERS = [*MAKES, *(f"{make}-tcp" for make in MAKES), *RTU_PORTS, ASCII]
+PEERS = [*MAKES, *(f"{make}-tcp" for make in MAKES), *RTU_PORTS, *TCP_ALONE, ASCII]
 
 PATIENCE_MS = 1500  # a device of Python on a busy host is not dead
 MISSING = FIRST_ADDRESS - 1  # configured in every table, and no address of the devices
@@ -91,7 +97,7 @@ def gateway_config(listening: dict[str, int]) -> dict[str, Any]:
     ports = [{"value": port, **serial, "slaves": slaves} for port in SERIAL_PORTS.values()]
     text = {"framing": "ascii", "data_bits": 7, "parity": 2}
     ports.append({"value": ASCII_PORT, **serial, **text, "slaves": slaves})
-    for make, port in TCP_PORTS.items():
+    for make, port in (TCP_PORTS | {make: port for make, (port, _) in TCP_ALONE.items()}).items():
         host = {"host": "127.0.0.1", "tcp_port": listening[make]}
         ports.append({"value": port, "active": 1, **host, "slaves": slaves})
     for name, port in RTU_PORTS.items():
@@ -150,7 +156,7 @@ def peers(programs: Path) -> Iterator[dict[str, Peer]]:
         stack.callback(remove, directory)
         stack.enter_context(line(directory / "server", directory / "behind"))
         server = stack.enter_context(device_server(directory / "server"))
-        listening = {name: free_port() for name in (*MAKES, "pymodbus-rtu")} | {
+        listening = {name: free_port() for name in (*MAKES, *TCP_ALONE, "pymodbus-rtu")} | {
             "libmodbus-server": server.port
         }
         config = listening_on(gateway_config(listening), free_port())
@@ -161,6 +167,8 @@ def peers(programs: Path) -> Iterator[dict[str, Peer]]:
         devices: dict[str, tuple[int, Device]] = {
             name: (RTU_PORTS[name], stack.enter_context(powered(device))) for name, device in made.items()
         }
+        for name, (port, make) in TCP_ALONE.items():
+            devices[name] = port, stack.enter_context(powered(make(listening[name])))
         for name, make in MAKES.items():
             end = directory / name
             stack.enter_context(line(directory / "dev" / f"ttyS{SERIAL_PORTS[name]}", end))
@@ -240,7 +248,7 @@ def test_2000_bits_and_125_registers_come_in_one_answer(peer: Peer) -> None:
 
 
 def test_a_device_says_what_it_is_or_is_left_alone(peers: dict[str, Peer]) -> None:
-    """libmodbus does not know function 43: it answers nothing on a line, and an exception on TCP."""
+    """Others do not know function 43: libmodbus says nothing on a line; all of them refuse on TCP."""
     for name, peer in peers.items():
 
         def row(peer: Peer = peer) -> dict[str, Any]:
@@ -371,3 +379,36 @@ def test_device_without_power_is_invalid_until_it_has_it_again(peer: Peer, peers
         peer.device.start()
     peer.wait_until_read()
     assert peer.wait_report(40017, 0, since).good
+
+
+# ---- a device that says nothing to what it does not know -------------------------------------------------
+
+
+@pytest.fixture
+def jsmodbus(programs: Path) -> Iterator[Peer]:
+    with contextlib.ExitStack() as stack:
+        device = stack.enter_context(powered(JsmodbusDevice(free_port())))
+        directory = run_directory()
+        stack.callback(remove, directory)
+        registers = [{"address": 0}, {"address": 1, "bits": [0, 3], "ioa": 40002}]
+        slave = {"id": UNIT, **patience(300), "holding_registers": registers}
+        port = {"value": 7, "active": 1, "host": "127.0.0.1", "tcp_port": device.place, "slaves": [slave]}
+        gateway = stack.enter_context(
+            Gateway(listening_on({"port": [port]}, free_port()), directory, programs)
+        )
+        stack.enter_context(recorded(gateway))
+        yield Peer(7000 + UNIT, device, gateway, stack.enter_context(Master(*gateway.address)))
+
+
+def test_a_device_that_hangs_behind_function_22_is_read_again(jsmodbus: Peer) -> None:
+    """The write is nobody's success, and is not sent again."""
+    device = jsmodbus.device
+    assert isinstance(device, JsmodbusDevice)
+    since = jsmodbus.master.mark()
+    device.set_register(0, 1234)
+    jsmodbus.wait_report(40001, 1234, since)
+    assert not jsmodbus.command(40002, "C_SE_NB_1", scaled(5))
+    since = jsmodbus.master.mark()
+    device.set_register(0, 4321)
+    assert jsmodbus.wait_report(40001, 4321, since).good
+    assert [pdu for pdu in device.requests if pdu[0] == 22] == [bytes.fromhex("16 0001 fff0 0005")]
