@@ -532,7 +532,7 @@ static void take_output(const struct modbus_output *output)
 
 void deliver(void)
 {
-	uint8_t bytes[WIRE_MAX] = {0};
+	static uint8_t bytes[WIRE_MAX];
 	size_t count = 0;
 
 	for (; count < bus.wire_count && bus.wire[count].time_ns <= bus.now_ns; count++) {
