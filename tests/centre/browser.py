@@ -48,8 +48,9 @@ def faultless(browser: Browser, **settings: Any) -> Iterator[Page]:
 def log_in(page: Page, port: int, name: str, password: str, view: str = "map") -> None:
     """By the keyboard alone."""
     page.set_default_timeout(LIMIT_MS)
-    page.bring_to_front()  # of a page behind another one nothing has the focus
     page.goto(f"http://127.0.0.1:{port}/#{view}")
+    page.wait_for_selector("#name")
+    page.bring_to_front()  # of a page behind another one nothing has the focus
     page.wait_for_selector("#name:focus")
     page.keyboard.type(name)
     page.keyboard.press("Tab")

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The page in a browser: all of it from here, no name that runs, each fate of a command, keys alone."""
 
+import base64
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -145,8 +146,9 @@ def green_middle(page: Page) -> dict[str, float]:
     """The middle of what has the colour of a good value (--good of the dark theme), in pixels of the map."""
     picture = page.locator(".maplibregl-canvas").screenshot()
     found = page.evaluate(
-        """async (octets) => {
-          const image = await createImageBitmap(new Blob([new Uint8Array(octets)]));
+        """async (text) => {
+          const octets = Uint8Array.from(atob(text), (octet) => octet.charCodeAt(0));
+          const image = await createImageBitmap(new Blob([octets]));
           const canvas = new OffscreenCanvas(image.width, image.height);
           const pen = canvas.getContext("2d");
           pen.drawImage(image, 0, 0);
@@ -160,7 +162,7 @@ def green_middle(page: Page) -> dict[str, float]:
           }
           return { x: x / count, y: y / count, count };
         }""",
-        list(picture),
+        base64.b64encode(picture).decode(),  # of numbers Playwright makes an object each: 2 s
     )
     return dict(found)
 
@@ -275,10 +277,18 @@ AT = """(number) => {
 }"""
 
 
+# Half a second is for a map that waits for something else.
+LOOK = """([center, zoom]) => new Promise((done) => {
+  openrtuMap.once("idle", done);
+  setTimeout(done, 500);
+  openrtuMap.jumpTo({ center, zoom });
+})"""
+
+
 def look_at(page: Page, longitude: float, latitude: float, zoom: int) -> None:
-    """At each look: the map goes to all its places by itself when it sees the first of them."""
-    page.evaluate(f"openrtuMap.jumpTo({{center: [{longitude}, {latitude}], zoom: {zoom}}})")
-    page.wait_for_timeout(500)  # it is drawn meanwhile, or at the next look
+    """At each look: the map goes to all its places by itself when it sees the first of them. It is drawn
+    then, or at the next look."""
+    page.evaluate(LOOK, [[longitude, latitude], zoom])
 
 
 def show_many(page: Page, quality: int) -> None:
@@ -403,6 +413,7 @@ def test_map_by_keys_alone(page: Page, stations: Stations, north: Station) -> No
     tab_to(page, vehicle)
     page.keyboard.press("Enter")
     expect(page.locator(".about dl")).to_contain_text(f"{BELGRADE[0]:.6f}°")
+    until(lambda: not page.evaluate("openrtuMap.isMoving()"), "the map where the vehicle is")
     canvas = page.locator(".maplibregl-canvas")
     tab_to(page, canvas)
     where = "[openrtuMap.getCenter().lng, openrtuMap.getZoom()]"
