@@ -30,8 +30,12 @@ iface eth0 inet static
 """
 IMAGES_ADDRESS = "172.16.0.50"
 CREATE_SECONDS = 300.0
+# What the engineer has brought, as settings of the site.
+SETTINGS = "/settings"
+USE_SETTINGS = f"mkdir -p /data/site; cp {SETTINGS}/* /data/site; sync"
 
 Boot = Callable[..., Linux]
+Power = Callable[..., Linux]
 
 
 @pytest.fixture(scope="module")
@@ -47,9 +51,12 @@ def nand(tmp_path: Path) -> NandImage:
 
 
 @pytest.fixture
-def power(boot: Boot, nand: NandImage) -> Callable[[], Linux]:
-    def on() -> Linux:
-        return boot(*with_flash(nand))
+def power(boot: Boot, nand: NandImage) -> Power:
+    """Starts the board with this flash; settings, by their names, lie there to be used."""
+
+    def on(**settings: str) -> Linux:
+        files = {f"{SETTINGS}/{name}": text for name, text in settings.items()}
+        return boot(*with_flash(nand), files=files)
 
     return on
 
@@ -88,14 +95,6 @@ def where(linux: Linux) -> str:
     return linux.run("cat /run/openrtu/data")
 
 
-def put(linux: Linux, name: str, text: str) -> None:
-    """A setting of the site, as an engineer types it."""
-    linux.run(f"mkdir -p /data/site; : > /data/site/{name}")
-    for line in text.splitlines():
-        quoted = line.replace("'", "'\\''")
-        linux.run(f"printf '%s\\n' '{quoted}' >> /data/site/{name}")
-
-
 # ---- in memory
 
 
@@ -109,7 +108,7 @@ def test_without_a_flash(boot: Boot) -> None:
         assert "there is no flash" in output
 
 
-def test_empty_flash_is_not_touched(power: Callable[[], Linux], nand: NandImage) -> None:
+def test_empty_flash_is_not_touched(power: Power, nand: NandImage) -> None:
     before = rootfs(nand)
     with power() as linux:
         assert where(linux) == "memory: no UBI volume"
@@ -124,9 +123,7 @@ def test_empty_flash_is_not_touched(power: Callable[[], Linux], nand: NandImage)
 # ---- what is made, and what is not
 
 
-def test_volume_is_made_and_used_from_the_next_start_on(
-    power: Callable[[], Linux], with_volume: None
-) -> None:
+def test_volume_is_made_and_used_from_the_next_start_on(power: Power, with_volume: None) -> None:
     with power() as linux:
         assert where(linux) == "flash"
         assert linux.run("grep ' /data ' /proc/mounts").split()[0] == "ubi0:data"
@@ -140,7 +137,7 @@ def test_volume_is_made_and_used_from_the_next_start_on(
 
 
 @pytest.mark.parametrize("block", [ROOTFS[0], ROOTFS[-1]])
-def test_what_is_no_ubi_stays(power: Callable[[], Linux], nand: NandImage, block: int) -> None:
+def test_what_is_no_ubi_stays(power: Power, nand: NandImage, block: int) -> None:
     """The factory's system may be there, wherever it begins."""
     page = random.Random(block).randbytes(DATA)
     nand.write(block * PAGES + 63, page + b"\xff\xff\0\0")
@@ -154,7 +151,7 @@ def test_what_is_no_ubi_stays(power: Callable[[], Linux], nand: NandImage, block
     assert rootfs(nand) == before
 
 
-def test_erase_with_the_name_typed_in_full(power: Callable[[], Linux], nand: NandImage) -> None:
+def test_erase_with_the_name_typed_in_full(power: Power, nand: NandImage) -> None:
     for block in (ROOTFS[0], ROOTFS[3], ROOTFS[-1]):
         nand.write(block * PAGES, b"factory" * 100)
     nand.mark_bad(ROOTFS[2])
@@ -166,7 +163,7 @@ def test_erase_with_the_name_typed_in_full(power: Callable[[], Linux], nand: Nan
         assert where(linux) == "flash"
 
 
-def test_other_volumes_stay(power: Callable[[], Linux]) -> None:
+def test_other_volumes_stay(power: Power) -> None:
     with power() as linux:
         linux.run("ubiattach -m 4 /dev/ubi_ctrl; ubimkvol /dev/ubi0 -N rootfs -s 2MiB", 120)
         linux.run(
@@ -185,13 +182,11 @@ def test_other_volumes_stay(power: Callable[[], Linux]) -> None:
 # ---- settings of the site
 
 
-def test_settings_of_the_volume_replace_the_images(power: Callable[[], Linux], with_volume: None) -> None:
+def test_settings_of_the_volume_replace_the_images(power: Power, with_volume: None) -> None:
     config = chapter_5()  # whose time-outs are of the host's load now
-    with power() as linux:
-        put(linux, "interfaces", INTERFACES)
-        put(linux, "authorized_keys", KEY)
-        put(linux, "config.json", json.dumps(config, indent=0))
-        linux.run("sync")
+    settings = {"interfaces": INTERFACES, "authorized_keys": KEY, "config.json": json.dumps(config)}
+    with power(**settings) as linux:
+        linux.run(USE_SETTINGS)
     with power() as linux:
         assert "10.11.12.13" in linux.run("ip address show eth0")
         assert linux.run("cat /root/.ssh/authorized_keys") == KEY
@@ -211,21 +206,18 @@ BROKEN = (
 )
 
 
-def test_broken_settings_leave_the_board_in_reach(power: Callable[[], Linux], with_volume: None) -> None:
-    """Each start judges what was typed before it."""
-    with power() as linux:
-        put(linux, "authorized_keys", "no key")
-        put(linux, "config.json", '{"port": 1}')
-        put(linux, "interfaces", BROKEN[0][0])
-        linux.run("sync")
+def test_broken_settings_leave_the_board_in_reach(power: Power, with_volume: None) -> None:
+    """Each start judges what was brought before it."""
+    settings = {"authorized_keys": "no key", "config.json": '{"port": 1}', "interfaces": BROKEN[0][0]}
+    with power(**settings) as linux:
+        linux.run(USE_SETTINGS)
     following = [interfaces for interfaces, _ in BROKEN[1:]] + [INTERFACES]
     for (_, why), interfaces in zip(BROKEN, following, strict=True):
-        with power() as linux:
+        with power(interfaces=interfaces) as linux:
             assert IMAGES_ADDRESS in linux.run("ip address show eth0")
             assert linux.try_to("[ -e /etc/openrtu/gateway.json ]")[0], "a broken configuration is used"
             log = linux.run("grep 'is not used' /var/log/messages")
             for name in ("interfaces", "authorized_keys", "config.json"):
                 assert f"/data/site/{name} is not used" in log
             assert why in log
-            put(linux, "interfaces", interfaces)
-            linux.run("sync")
+            linux.run(USE_SETTINGS)
