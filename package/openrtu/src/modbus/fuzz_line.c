@@ -498,7 +498,7 @@ static void begin(struct modbus_wire wire)
 		}
 		for (uint16_t i = 0; d > 0 && i < OBJECTS; i++)
 			objects[d][devices[d].object_count++] = (struct modbus_object){
-			    i, (uint16_t)(i * i), functions[i % 4] & 15u, (1 + i % 2) & 15u, i % 3 * 50u};
+			    i, (uint16_t)(i * i), functions[i % 4] & 15u, (1 + i % 2) & 15u, i % 3 * 50u, 0};
 	}
 	line = (struct modbus_line){.events = &events,
 				    .devices = devices,
