@@ -194,6 +194,7 @@ def shown(device: Device) -> str:
         "",
         "Keys of the device: " + json.dumps(keys, ensure_ascii=False),
         *(f"Source: {source}" for source in sources_of(device)),
+        *(f"Compared: {text}" for text in device.about.get("compared", [])),
         "",
         use_of(device),
     ]

@@ -79,7 +79,7 @@ def test_its_objects_have_names_units_and_addresses_of_their_own(name: str) -> N
     for table, one in objects:
         unit = one.get("unit", "")
         assert unit == "" or unit in NO_SI or any(unit == p + u for p in PREFIXES for u in UNITS), one
-        count = 1 if is_bit(table, one) else FORMATS[format_of(one)][0]
+        count = one.get("length") or (1 if is_bit(table, one) else FORMATS[format_of(one)][0])
         first, last = (one["bit"], one["bit"]) if "bit" in one else one.get("bits", (0, 15))
         for address in range(one["address"], one["address"] + count):
             whole = TABLES[table] == 1 or not one.keys() & {"bit", "bits"}
@@ -101,6 +101,10 @@ class Simulated:
     def put(self, table: str, one: dict[str, Any], number: int) -> None:
         """Some value that fits it."""
         address, place = one["address"], self.registers[table]
+        if one.get("format") == "string":
+            self.values[one["name"]] = "AB"
+            place[address] = ord("A") << 8 | ord("B")
+            return
         if is_bit(table, one):
             value = number % 2
             place[address] = place.get(address, 0) | value << one.get("bit", 0)
