@@ -319,6 +319,7 @@ void modbus_device_answered(struct modbus_line *line, uint32_t index, int64_t no
 	bool was_alive = device->alive, was_gone = !was_alive && device->failures > 0;
 
 	device->alive = modbus_is_readable(device);
+	device->vouched = false;
 	device->failures = 0;
 	device->lost_ns = device->backoff_ns = 0;
 	set_timeout(device);
@@ -382,10 +383,10 @@ void modbus_device_died(struct modbus_line *line, uint32_t index, int64_t now_ns
 {
 	struct modbus_device *device = &line->devices[index];
 
-	if (!device->alive)
+	if (!device->alive && !device->vouched)
 		return;
-	device->alive = false;
-	line->living--;
+	line->living -= device->alive;
+	device->alive = device->vouched = false;
 	device->failures = 0;
 	modbus_forget_page(device);
 	let_rest(line, device, now_ns);
@@ -408,9 +409,9 @@ void modbus_device_silent(struct modbus_line *line, uint32_t index, int64_t now_
 		device->lost_ns += lost_to_request(line, now_ns);
 	device->failures++;
 	set_timeout(device);
-	if (!device->alive) {
+	line->probed_in_vain |= !device->alive;
+	if (!device->alive && !device->vouched) {
 		let_rest(line, device, now_ns);
-		line->probed_in_vain = true;
 		if (device->failures == device->retries + 1u && device->counters.answers == 0 &&
 		    line->events->mute != NULL)
 			line->events->mute(line->context, index);

@@ -221,6 +221,8 @@ struct modbus_device {
 	int64_t backoff_ns; /* in force while it is dead, else 0 */
 	int64_t timeout_ns; /* in force now; 0: nothing was learned, it is response_timeout_ns */
 	bool alive;
+	bool
+	    vouched; /* by the caller, for a process before this: its values are told still, and end as those of one that lives */
 
 	/* The line's own. */
 	bool broadcast;     /* it is none: all hear what it is told */

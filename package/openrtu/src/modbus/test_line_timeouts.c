@@ -437,6 +437,38 @@ static void test_commands_do_not_make_a_device_rest(void **state)
 	assert_true(bus.devices[0].backoff_ns <= MODBUS_DEAD_SHARE * 3 * TIMEOUT_NS);
 }
 
+/* A configuration was loaded, and the process before read it: nobody has told yet that it is silent. */
+static void test_a_device_that_a_former_process_read_dies_as_one_that_lives(void **state)
+{
+	(void)state;
+	set_up();
+	for (uint32_t i = 0; i < 2; i++) {
+		add_device((uint8_t)(17 + i), 2);
+		add_objects(MODBUS_READ_HOLDING_REGISTERS, 0, 8);
+	}
+	bus.slaves[1].present = false;
+	bus.devices[1].vouched = true;
+	start();
+	run_for(SECOND);
+	assert_int_equal(bus.deaths[1], 1);
+	assert_true(bus.devices[1].backoff_ns > 0);
+	run_for(60 * SECOND);
+	assert_int_equal(bus.deaths[1], 1);
+	assert_int_equal(bus.deaths[0], 0);
+}
+
+static void test_nothing_is_vouched_for_when_the_port_is_lost(void **state)
+{
+	(void)state;
+	set_up();
+	add_device(17, 2);
+	add_objects(MODBUS_READ_HOLDING_REGISTERS, 0, 8);
+	bus.devices[0].vouched = true;
+	start();
+	modbus_line_close(&bus.line, bus.now_ns);
+	assert_int_equal(bus.deaths[0], 1);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -459,6 +491,8 @@ int main(void)
 	    cmocka_unit_test(test_a_device_that_returns_slower_is_found),
 	    cmocka_unit_test(test_a_stopped_process_does_not_make_a_device_rest),
 	    cmocka_unit_test(test_commands_do_not_make_a_device_rest),
+	    cmocka_unit_test(test_a_device_that_a_former_process_read_dies_as_one_that_lives),
+	    cmocka_unit_test(test_nothing_is_vouched_for_when_the_port_is_lost),
 	};
 	return cmocka_run_group_tests_name("modbus line timeouts", tests, NULL, NULL);
 }

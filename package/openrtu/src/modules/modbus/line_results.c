@@ -218,6 +218,17 @@ static void invalidate_device(struct line_results *results, const struct map_set
 	publish(results, device, count, now_ns);
 }
 
+bool line_results_vouch(const struct line_results *results, uint32_t device)
+{
+	const struct map_set *config = device_config(results, device);
+
+	for (uint32_t i = config->first_point; i < config->first_point + config->point_count; i++)
+		if (!(map_config(results->map)->points[i].flags & MAP_POINT_NEVER_READ) &&
+		    !(map_own_sample(results->map, i).quality & MAP_INVALID))
+			return true;
+	return false;
+}
+
 /* ---- after a silence ------------------------------------------------------------------- */
 
 void line_results_note_scan(struct line_results *results, int64_t from_ns, int64_t to_ns)

@@ -41,6 +41,9 @@ struct line_results {
 /* What a line is to be given; its context is a struct line_results. */
 extern const struct modbus_events line_results_events;
 
+/* The device has a value that the process before read, and that is told still. */
+bool line_results_vouch(const struct line_results *results, uint32_t device);
+
 /* What is old is judged by the last whole scan, if it began and ended between these two times. */
 void line_results_note_scan(struct line_results *results, int64_t from_ns, int64_t to_ns);
 /*

@@ -193,6 +193,7 @@ static void set_up_port(struct gateway *gateway, uint32_t number, const char *di
 	for (uint32_t i = 0; i < port->line.device_count; i++) {
 		constants_make(gateway->config, &port->line.devices[i]);
 		say_pages(gateway, port->config->first_device + i, port->line.devices[i].pages);
+		port->line.devices[i].vouched = line_results_vouch(results, i);
 	}
 	modbus_name_counters(gateway->map, number);
 	line_counters_take(port);

@@ -149,6 +149,7 @@ static void open_serial(struct port *port, int64_t now_ns)
 	port->fd = serial_open(port->path, &settings, &carries_parity, error, hint);
 	if (port->fd < 0 || !wait_for_port(port, EPOLLIN, error)) {
 		retry_port(port, error, hint, now_ns);
+		modbus_line_close(&port->line, now_ns);
 		return;
 	}
 	if (!carries_parity && port->config->parity != MODBUS_PARITY_NONE && !port->pty_logged) {
