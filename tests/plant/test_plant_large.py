@@ -22,7 +22,7 @@ def test_what_must_hold_of_thirty_devices(
     programs: Path, linesim_program: Path, folder: Path, make: Callable[[int, float], World]
 ) -> None:
     world = make(1, SECONDS)
-    assert (len(world.lines), len(world.units), len(world.fronts)) == (6, 30, 7)
+    assert (len(world.lines), len(world.units), len(world.fronts)) == (6, 30, 9)
     ran = run_world(world, folder / make.__name__)
     violations = judge(ran)
     assert not violations, story(ran, violations)

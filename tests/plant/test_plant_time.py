@@ -580,7 +580,7 @@ def test_a_fault_of_the_past_fits_into_the_tree(name: str) -> None:
 
 @pytest.mark.slow
 def test_the_plant_finds_a_fault_of_the_past(programs: Path, linesim_program: Path) -> None:
-    assert look_for("events-gone-when-sent", most_s=60.0).rules == ("no event lost",)
+    assert "no event lost" in look_for("events-gone-when-sent", most_s=60.0).rules
 
 
 # ---- the runner ----------------------------------------------------------------------------------------
