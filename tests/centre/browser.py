@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import base64
 import contextlib
 from collections.abc import Iterator
 from typing import Any
@@ -68,6 +69,21 @@ def tab_to(page: Page, wanted: Locator, key: str = "Tab") -> None:
             return
         page.keyboard.press(key)
     raise AssertionError(f"no {key} leads to {wanted}")
+
+
+def look_into(page: Page, picture: bytes, script: str, argument: Any = None) -> Any:
+    """What a script finds in a screenshot; it is called with a pen of its pixels, and with the argument."""
+    return page.evaluate(
+        f"""async ([text, argument]) => {{
+          const octets = Uint8Array.from(atob(text), (octet) => octet.charCodeAt(0));
+          const image = await createImageBitmap(new Blob([octets]));
+          const pen = new OffscreenCanvas(image.width, image.height).getContext("2d");
+          pen.drawImage(image, 0, 0);
+          return ({script})(pen, argument);
+        }}""",
+        # Of octets Playwright makes an object each: 2 CPU s.
+        [base64.b64encode(picture).decode(), argument],
+    )
 
 
 def tool(page: Page, selector: str) -> Locator:

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The page in a browser: all of it from here, no name that runs, each fate of a command, keys alone."""
 
-import base64
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,7 +12,7 @@ from playwright.sync_api import Browser, Page, Route, WebSocketRoute, expect
 from pmtiles.tile import Compression, TileType, zxy_to_tileid
 from pmtiles.writer import write
 
-from browser import LIMIT_MS, faultless, log_in, tab_to, tool
+from browser import LIMIT_MS, faultless, log_in, look_into, tab_to, tool
 from control_room import PAGE, PASSWORD, POINTS, Site, Stations, described, now_ms, until
 from lab.centre_client import AnswerError
 from lab.vehicles import M_ME_TF_1, M_SP_TB_1, POSITION, Station, measured, position, single
@@ -145,14 +144,11 @@ def test_every_view_asks_only_this_machine_and_runs_no_name(page: Page, asked: l
 def green_middle(page: Page) -> dict[str, float]:
     """The middle of what has the colour of a good value (--good of the dark theme), in pixels of the map."""
     picture = page.locator(".maplibregl-canvas").screenshot()
-    found = page.evaluate(
-        """async (text) => {
-          const octets = Uint8Array.from(atob(text), (octet) => octet.charCodeAt(0));
-          const image = await createImageBitmap(new Blob([octets]));
-          const canvas = new OffscreenCanvas(image.width, image.height);
-          const pen = canvas.getContext("2d");
-          pen.drawImage(image, 0, 0);
-          const { data, width } = pen.getImageData(0, 0, image.width, image.height);
+    found = look_into(
+        page,
+        picture,
+        """(pen) => {
+          const { data, width } = pen.getImageData(0, 0, pen.canvas.width, pen.canvas.height);
           let x = 0, y = 0, count = 0;
           for (let i = 0; i < data.length; i += 4) {
             if (Math.hypot(data[i] - 76, data[i + 1] - 195, data[i + 2] - 138) > 30) continue;
@@ -162,7 +158,6 @@ def green_middle(page: Page) -> dict[str, float]:
           }
           return { x: x / count, y: y / count, count };
         }""",
-        base64.b64encode(picture).decode(),  # of numbers Playwright makes an object each: 2 s
     )
     return dict(found)
 

@@ -11,7 +11,7 @@ from urllib.parse import quote, urlsplit
 import pytest
 from playwright.sync_api import Browser, CDPSession, Locator, Page, Route, expect
 
-from browser import LIMIT_MS, faultless, log_in
+from browser import LIMIT_MS, faultless, log_in, look_into
 from control_room import PASSWORD, Site, Stations, described, now_ms, until
 from hostile_pictures import HOSTILE, ODD, PLAIN
 from lab.centre_client import AnswerError
@@ -175,16 +175,15 @@ def test_level_is_seen(plant: Page, stations: Stations, north: Station) -> None:
     box, stage = part(plant, "tank").bounding_box(), plant.locator(".stage").bounding_box()
     assert box
     assert stage
-    colours = plant.evaluate(
-        """async ([octets, x, tops]) => {
-          const image = await createImageBitmap(new Blob([new Uint8Array(octets)]));
-          const pen = new OffscreenCanvas(image.width, image.height).getContext("2d");
-          pen.drawImage(image, 0, 0);
-          return tops.map((y) => [...pen.getImageData(x, y, 1, 1).data.slice(0, 3)]);
-        }""",
-        [list(shot), box["x"] - stage["x"] + box["width"] / 2,
-         [box["y"] - stage["y"] + box["height"] * share for share in (0.2, 0.3, 0.9)]],
-    )  # fmt: skip
+    colours = look_into(
+        plant,
+        shot,
+        "(pen, [x, tops]) => tops.map((y) => [...pen.getImageData(x, y, 1, 1).data.slice(0, 3)])",
+        [
+            box["x"] - stage["x"] + box["width"] / 2,
+            [box["y"] - stage["y"] + box["height"] * share for share in (0.2, 0.3, 0.9)],
+        ],
+    )
     assert colours == [[255, 255, 255], [51, 102, 170], [51, 102, 170]]
 
 
