@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from plant_excuses import overlaps
-from plant_history import LINK_UP, History, Told, Violation, seconds
+from plant_history import CALL_WITHIN_S, LINK_UP, History, Told, Violation, seconds
 from plant_world import Front, World
 
 LIMIT = 100  # the least that a group may have
@@ -18,6 +18,7 @@ LOSING, LOST = f"{CA}.1", f"{CA}.101"
 OF_OTHERS = (f"{CA}.9", f"{CA}.109")  # in no group
 IN_FLIGHT = 12  # sent, and not acknowledged when the connection ended
 ENDED_S = 1.0
+KEEPERS = ("rtu-iec104", "rtud")
 
 
 @dataclass(frozen=True)
@@ -79,14 +80,17 @@ def began_s(history: History) -> list[float]:
 def no_more_waits_than_may(history: History) -> Iterator[Violation]:
     """What happened before a connection and is told in it had waited: no more than a queue may hold."""
     begins = began_s(history)
+    kept_up = [(fault.at_s, fault.end_s + CALL_WITHIN_S) for fault in history.faults if fault.of in KEEPERS]
     for begun_s, until_s in zip(begins, [*begins[1:], history.end_s], strict=True):
-        waited = [
-            told
+        waited = {
+            (told.point, told.tag_s, told.value, told.good)  # once: behind each loss all values are sent
             for events in history.events.values()
             for told in events
             if begun_s <= told.at_s < until_s and (told.tag_s or 0.0) < begun_s - ENDED_S
-        ]
+        }
         current = len(history.run.world.points) + len(history.run.world.points_of_fronts)
+        if overlaps(kept_up, begun_s - ENDED_S, begun_s):
+            continue  # nobody had dropped what came meanwhile
         if len(waited) > LIMIT + IN_FLIGHT + current:
             yield Violation("queue", begun_s, f"{len(waited)} events had waited, where {LIMIT} may")
 

@@ -55,7 +55,7 @@ def without_an_end(lines: Lines) -> Lines:
 
 def with_more_than_may_wait(lines: Lines) -> Lines:
     waited = [line for line in lines if line.get("tag") and line["point"].startswith("1001.")]
-    return [*lines, *({**waited[0], "at": lines[-1]["at"]} for _ in range(2 * LIMIT))]
+    return [*lines, *({**waited[0], "at": lines[-1]["at"], "value": value} for value in range(2 * LIMIT))]
 
 
 @pytest.mark.parametrize(
