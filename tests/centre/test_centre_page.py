@@ -272,18 +272,10 @@ AT = """(number) => {
 }"""
 
 
-# Half a second is for a map that waits for something else.
-LOOK = """([center, zoom]) => new Promise((done) => {
-  openrtuMap.once("idle", done);
-  setTimeout(done, 500);
-  openrtuMap.jumpTo({ center, zoom });
-})"""
-
-
 def look_at(page: Page, longitude: float, latitude: float, zoom: int) -> None:
-    """At each look: the map goes to all its places by itself when it sees the first of them. It is drawn
-    then, or at the next look."""
-    page.evaluate(LOOK, [[longitude, latitude], zoom])
+    """At each look: the map goes to all its places by itself when it sees the first of them."""
+    page.evaluate(f"openrtuMap.jumpTo({{center: [{longitude}, {latitude}], zoom: {zoom}}})")
+    page.wait_for_timeout(500)  # it is drawn meanwhile, or at the next look
 
 
 def show_many(page: Page, quality: int) -> None:
