@@ -11,14 +11,11 @@ import pytest
 
 from lab.board import Ssh
 from lab.gateway import free_port, remove, run_directory
-from nuc980.twin.linux import Kernel, Linux
+from nuc980.twin.linux import SAME_ADDRESSES, Kernel, Linux
 from peers.tls_gateway import Pki, public_keys
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
-# Programs lie at the same addresses at each start. QEMU then translates them once, not once for each process:
-# that was two fifths of what a boot with the image's start scripts cost.
-SAME_ADDRESSES = "norandmaps"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -31,6 +31,7 @@ from image.update import Signer, update_file
 from lab.board import ETHERNET, MACS, SSH_PORT, Ssh
 from lab.boots import Image
 from lab.gateway import free_port
+from nuc980.twin.linux import SAME_ADDRESSES
 from nuc980.twin.machine import INSTRUCTION_TIME, Machine
 from nuc980.twin.nand import NandImage
 from rig.desk import chapter_5
@@ -44,7 +45,7 @@ SETTINGS = (
     "setenv bootdelay 0; setenv bootargs console=ttyS0,115200n8 rdinit=/none;"
     f" setenv ethaddr {MACS[0]}; setenv eth1addr {MACS[1]}"
 )
-QUICKER = (("rtu_root", "panic=10", "panic=1"),)
+QUICKER = (("rtu_root", "panic=10", f"panic=1 {SAME_ADDRESSES}"),)
 START_SECONDS = 900.0  # on a busy machine
 UPDATING = "until grep -q 1 /sys/class/ubi/ubi0_2/upd_marker; do sleep 0.01; done"
 
