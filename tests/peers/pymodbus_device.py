@@ -8,7 +8,7 @@ from typing import Any
 
 from pymodbus import FramerType, ModbusDeviceIdentification
 from pymodbus.pdu import ModbusPDU
-from pymodbus.server import ModbusSerialServer, ModbusTcpServer
+from pymodbus.server import ModbusSerialServer, ModbusTcpServer, ModbusUdpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
 from peers.device import BAUD_RATE, FIRST_ADDRESS, TABLE_SIZE, UNIT, Device
@@ -32,7 +32,8 @@ class PymodbusDevice(Device):
     )
     framer = FramerType.SOCKET  # on TCP
     line_framer = FramerType.RTU  # on a line
-    _server: ModbusSerialServer | ModbusTcpServer
+    network_server: type[ModbusTcpServer] | type[ModbusUdpServer] = ModbusTcpServer
+    _server: ModbusSerialServer | ModbusTcpServer | ModbusUdpServer
 
     def start(self) -> None:
         self._loop = asyncio.new_event_loop()
@@ -59,7 +60,7 @@ class PymodbusDevice(Device):
         memory = SimDevice(UNIT, (_bits(), _bits(), _registers(), _registers()))
         if isinstance(self.place, int):
             address = ("127.0.0.1", self.place)
-            self._server = ModbusTcpServer(
+            self._server = self.network_server(
                 memory,
                 address=address,
                 framer=self.framer,
@@ -90,6 +91,12 @@ class PymodbusRtuDevice(PymodbusDevice):
     """On TCP, it takes and gives the frames of a serial line."""
 
     framer = FramerType.RTU
+
+
+class PymodbusUdpDevice(PymodbusDevice):
+    """On a port of UDP."""
+
+    network_server = ModbusUdpServer
 
 
 class PymodbusAsciiDevice(PymodbusDevice):

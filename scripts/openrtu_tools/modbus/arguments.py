@@ -12,7 +12,16 @@ from nuc980.errors import UnusableInput
 from openrtu_tools.modbus import registers, serial_port
 from openrtu_tools.modbus.ascii_text import AsciiStream
 from openrtu_tools.modbus.frames import BIT_TABLES, BROADCAST
-from openrtu_tools.modbus.links import Link, RtuLink, SerialStream, SocketStream, Stream, TcpLink
+from openrtu_tools.modbus.links import (
+    DatagramStream,
+    Link,
+    RtuLink,
+    SerialStream,
+    SocketStream,
+    Stream,
+    TcpLink,
+    UdpLink,
+)
 from openrtu_tools.modbus.made import BYTE_ORDERS, WORD_ORDERS
 from openrtu_tools.modbus.registers import Place
 from openrtu_tools.modbus.serial_port import PARITIES, SPEEDS, Settings
@@ -73,6 +82,7 @@ def add_link(parser: argparse.ArgumentParser, timeout_s: float) -> None:
         "--rtu", action="store_true", help="to HOST:PORT, RTU in place of Modbus TCP: through a serial server"
     )
     parser.add_argument("--ascii", action="store_true", help="Modbus ASCII in place of RTU or Modbus TCP")
+    parser.add_argument("--udp", action="store_true", help="to HOST:PORT, Modbus TCP in datagrams of UDP")
     parser.add_argument(
         "--timeout",
         type=ranged(0.01, 60, float),
@@ -144,6 +154,8 @@ def link_of(parsed: argparse.Namespace) -> Link:
 def _opened(parsed: argparse.Namespace) -> Link:
     if parsed.rtu and parsed.ascii:
         raise UnusableInput("--rtu and --ascii: a line speaks one of them")
+    if parsed.udp and (parsed.rtu or parsed.ascii or is_serial(parsed.device)):
+        raise UnusableInput("--udp carries frames of Modbus TCP, to HOST or HOST:PORT")
     if is_serial(parsed.device):
         if parsed.unit > SERIAL_UNIT_LAST:
             raise UnusableInput(f"--unit {parsed.unit}: units of a serial line are 1 to {SERIAL_UNIT_LAST}")
@@ -153,6 +165,8 @@ def _opened(parsed: argparse.Namespace) -> Link:
         stream: Stream = SerialStream(parsed.device, settings)
         return RtuLink(AsciiStream(stream) if parsed.ascii else stream, parsed.timeout, settings)
     host, port = address(parsed.device)
+    if parsed.udp:
+        return UdpLink(DatagramStream(host, port), parsed.timeout)
     stream = SocketStream(host, port, parsed.timeout)
     if parsed.ascii:
         return RtuLink(AsciiStream(stream), parsed.timeout, None)

@@ -154,6 +154,48 @@ class SocketStream(Stream):
         self._socket.close()
 
 
+class DatagramStream(Stream):
+    """Each piece is a datagram of UDP, to and from one address."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self.name = f"{host} port {port} (UDP)"
+        try:
+            family, kind, protocol, _, where = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+            self._socket = socket.socket(family, kind, protocol)
+            self._socket.connect(where)
+        except (OSError, UnicodeError) as error:
+            why = getattr(error, "strerror", None) or error
+            raise Unreachable(f"{self.name} cannot be reached: {why}") from error
+        self.address: str = self._socket.getpeername()[0]
+
+    def _send(self, octets: bytes) -> None:
+        try:
+            self._socket.send(octets)
+        except OSError as error:
+            raise self._lost(error) from error
+
+    def _receive(self, seconds: float) -> bytes:
+        end = time.monotonic() + seconds
+        while select.select([self._socket], [], [], max(end - time.monotonic(), 0))[0]:
+            try:
+                found = self._socket.recv(READ_SIZE)
+            except OSError as error:
+                raise self._lost(error) from error
+            if found:
+                return found
+        return b""
+
+    def _lost(self, error: OSError) -> LinkLost:
+        return LinkLost(
+            f"{self.name}: {error.strerror}",
+            cause="the host is there, and serves no Modbus by UDP on this port",
+            next_step="try another port, or without --udp",
+        )
+
+    def close(self) -> None:
+        self._socket.close()
+
+
 class Link(ABC):
     """A line or a connection, with its stream."""
 
@@ -413,3 +455,17 @@ class TcpLink(Link):
             if not octets:
                 raise self._silence(request)
             self._octets += octets
+
+
+# ---- UDP -----------------------------------------------------------------------------------------
+
+
+class UdpLink(TcpLink):
+    """A frame of Modbus TCP in each datagram."""
+
+    def _next(self, request: Request, end: float) -> tuple[int, bytes]:
+        while octets := self.stream.receive(end - time.monotonic()):
+            body = octets[PREFIX:]
+            if octets[2:PREFIX] == bytes(2) + len(body).to_bytes(2) and 3 <= len(body) <= FRAME_MOST:
+                return int.from_bytes(octets[:2]), body
+        raise self._silence(request)

@@ -33,12 +33,14 @@ from openrtu_tools.modbus.errors import (
     Unreachable,
 )
 from openrtu_tools.modbus.links import (
+    DatagramStream,
     Link,
     RtuLink,
     SerialStream,
     SocketStream,
     Stream,
     TcpLink,
+    UdpLink,
     frame_at,
     shown,
 )
@@ -176,6 +178,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     line.add_argument("--data-bits", type=int, choices=(7, 8), help="[8; with --ascii 7]")
     line.add_argument("--stop-bits", type=int, choices=(1, 2), default=1, help="[1]")
     line.add_argument("--ascii", action="store_true", help="Modbus ASCII in place of RTU")
+    parser.add_argument("--udp", action="store_true", help="addresses by UDP in place of TCP")
     parser.add_argument(
         "--function",
         type=int,
@@ -203,6 +206,7 @@ class Plan:
     function: int
     timeout_s: float
     ascii: bool = False
+    udp: bool = False
 
     def longest_s(self) -> float:
         """If nobody answers."""
@@ -232,6 +236,8 @@ def plan_of(parsed: argparse.Namespace) -> Plan:
     """Raises UnusableInput."""
     ports = [where for where in parsed.where if is_serial(where)]
     data_bits = arguments.data_bits_of(parsed)
+    if parsed.udp and ports:
+        raise UnusableInput("--udp: a serial port has no other way")
     if parsed.ascii and len(ports) < len(parsed.where):
         raise UnusableInput("--ascii: a scan of addresses asks by Modbus TCP alone")
     if ports and (0 in parsed.units or max(parsed.units) > arguments.SERIAL_UNIT_LAST):
@@ -247,6 +253,7 @@ def plan_of(parsed: argparse.Namespace) -> Plan:
         parsed.function,
         parsed.timeout,
         parsed.ascii,
+        parsed.udp,
     )
 
 
@@ -305,15 +312,14 @@ class Scan:
         return place.devices
 
     def _host(self, host: str, port: int) -> None:
-        name = f"{host} port {port}"
+        name = f"{host} port {port}{' (UDP)' if self.plan.udp else ''}"
         place: Found | None = None
         link: TcpLink | None = None
         for unit in self._counted(name):
             try:
                 if link is None:
-                    stream = SocketStream(host, port, self.plan.timeout_s)
-                    link = TcpLink(stream, self.plan.timeout_s)
-                    place = place or Found({"host": stream.address, "tcp_port": port})
+                    link, keys = self._link(host, port)
+                    place = place or Found(keys)
                 assert place
                 self._unit(link, place, name, unit)
             except LinkLost:  # as some do on a unit that they do not know
@@ -326,6 +332,15 @@ class Scan:
                 break
         if link:
             link.stream.close()
+
+    def _link(self, host: str, port: int) -> tuple[TcpLink, dict[str, Any]]:
+        """And what the configuration would have of it."""
+        if self.plan.udp:
+            datagrams = DatagramStream(host, port)
+            keys = {"host": datagrams.address, "tcp_port": port, "transport": "udp"}
+            return UdpLink(datagrams, self.plan.timeout_s), keys
+        stream = SocketStream(host, port, self.plan.timeout_s)
+        return TcpLink(stream, self.plan.timeout_s), {"host": stream.address, "tcp_port": port}
 
     def _counted(self, name: str) -> Iterator[int]:
         """The units; a terminal sees where the scan is."""

@@ -74,6 +74,19 @@ int tcp_connect(const char *text, uint16_t port, char *error)
 	return -1;
 }
 
+int udp_connect(const char *text, uint16_t port, char *error)
+{
+	struct address address = address_of(text, port);
+	int fd = socket(address.as.any.sa_family, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, IPPROTO_UDP);
+
+	if (fd >= 0 && connect(fd, &address.as.any, address.size) == 0)
+		return fd;
+	snprintf(error, TCP_ERROR_SIZE, "cannot be reached: %s", strerror(errno));
+	if (fd >= 0)
+		close(fd);
+	return -1;
+}
+
 enum tcp_state tcp_look(int fd, char *error)
 {
 	struct pollfd decided = {.fd = fd, .events = POLLOUT};

@@ -48,6 +48,9 @@ enum modbus_rs485 {
 	MODBUS_RS485_LOW,
 };
 
+/* What carries frames to a host. */
+enum modbus_transport { MODBUS_OVER_TCP, MODBUS_OVER_UDP };
+
 /* One RS-485 line, or one Modbus TCP connection with the units behind it. */
 struct modbus_port {
 	uint16_t port;         /* the file's "value": 1..6 on this board */
@@ -55,15 +58,16 @@ struct modbus_port {
 	uint16_t module;       /* number of that process; planned by its kind */
 	uint16_t first_device; /* place among the slaves */
 	uint16_t device_count;
-	uint8_t data_bits;             /* 8, of ASCII also 7 */
-	uint8_t stop_bits;             /* 1, 2 */
-	uint8_t parity;                /* enum modbus_parity */
-	uint32_t baud;                 /* bit/s */
-	uint8_t rs485;                 /* enum modbus_rs485 */
-	uint8_t before_ms, after_ms;   /* that mode's delays around a frame, 0..100 */
-	uint8_t framing;               /* enum modbus_framing */
-	uint16_t tcp_port;             /* of a TCP connection, which has nothing of a serial line; else 0 */
-	uint16_t settle_ms;            /* from a connection to the first request on it */
+	uint8_t data_bits;           /* 8, of ASCII also 7 */
+	uint8_t stop_bits;           /* 1, 2 */
+	uint8_t parity;              /* enum modbus_parity */
+	uint32_t baud;               /* bit/s */
+	uint8_t rs485;               /* enum modbus_rs485 */
+	uint8_t before_ms, after_ms; /* that mode's delays around a frame, 0..100 */
+	uint8_t framing;             /* enum modbus_framing */
+	uint16_t tcp_port;  /* of a TCP connection or of UDP, which have nothing of a serial line; else 0 */
+	uint8_t transport;  /* enum modbus_transport, of these */
+	uint16_t settle_ms; /* from a connection to the first request on it */
 	char device[MODBUS_PATH_SIZE]; /* the serial device's path; the IP address of a TCP connection */
 };
 
@@ -269,6 +273,11 @@ static inline uint32_t modbus_slave_count(const struct map_config *config)
 static inline bool modbus_is_tcp(const struct modbus_port *port)
 {
 	return port->tcp_port != 0;
+}
+
+static inline bool modbus_is_udp(const struct modbus_port *port)
+{
+	return port->transport == MODBUS_OVER_UDP;
 }
 
 /* All devices of its line hear what it is told, and none answers. */

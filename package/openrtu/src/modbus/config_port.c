@@ -8,10 +8,11 @@
 
 #define COUNT(array) (sizeof(array) / sizeof((array)[0]))
 
-#define KEY_HOST     "host"
-#define KEY_TCP_PORT "tcp_port"
-#define KEY_SETTLE   "settle_ms"
-#define KEY_FRAMING  "framing"
+#define KEY_HOST      "host"
+#define KEY_TCP_PORT  "tcp_port"
+#define KEY_SETTLE    "settle_ms"
+#define KEY_FRAMING   "framing"
+#define KEY_TRANSPORT "transport"
 
 #define TCP_PORT_DEFAULT 502
 #define DATA_BITS_RTU    8
@@ -53,6 +54,7 @@ enum {
 	PORT_HOST = PORT_KEYS, /* the keys of Modbus TCP, of a port that is not active */
 	PORT_TCP_PORT,
 	PORT_SETTLE,
+	PORT_TRANSPORT,
 	INACTIVE_PORT_KEYS
 };
 enum { LINE_RTU, LINE_ASCII };
@@ -144,6 +146,7 @@ static const struct config_rule inactive_port_rules[INACTIVE_PORT_KEYS] = {
     [PORT_HOST] = {KEY_HOST, CONFIG_ANYTHING},
     [PORT_TCP_PORT] = {KEY_TCP_PORT, CONFIG_ANYTHING},
     [PORT_SETTLE] = {KEY_SETTLE, CONFIG_ANYTHING},
+    [PORT_TRANSPORT] = {KEY_TRANSPORT, CONFIG_ANYTHING},
     [PORT_FRAMING] = {KEY_FRAMING, CONFIG_ANYTHING},
     [PORT_PASS] = {MODBUS_KEY_PASS, CONFIG_ANYTHING},
 };
@@ -165,11 +168,13 @@ enum {
 	TCP_PROCESS,
 	TCP_SETTLE,
 	TCP_FRAMING,
+	TCP_TRANSPORT,
 	TCP_PASS,
 	TCP_KEYS
 };
 static const char *const framings[] = {
     [MODBUS_FRAMING_RTU] = "rtu", [MODBUS_FRAMING_TCP] = "tcp", [MODBUS_FRAMING_ASCII] = "ascii", NULL};
+static const char *const transports[] = {[MODBUS_OVER_TCP] = "tcp", [MODBUS_OVER_UDP] = "udp", NULL};
 static const struct config_rule tcp_rules[TCP_KEYS] = {
     [TCP_VALUE] =
 	{"value", CONFIG_INTEGER, .required = true, .low = COUNT(board_devices) + 1, .high = MODBUS_PORTS_MAX,
@@ -185,7 +190,7 @@ static const struct config_rule tcp_rules[TCP_KEYS] = {
 				      "examples" : [ "192.0.2.7", "2001:db8::7" ]
 			      }))},
     [TCP_PORT] = {KEY_TCP_PORT, CONFIG_INTEGER, .low = 1, .high = UINT16_MAX, .fallback = TCP_PORT_DEFAULT,
-		  CONFIG_SAYS("TCP port.")},
+		  CONFIG_SAYS("TCP port; with transport udp, the port of UDP.")},
     [TCP_SLAVES] = {MODBUS_KEY_SLAVES, CONFIG_ARRAY, .required = true, .high = MODBUS_UNIT_MAX + 1,
 		    CONFIG_SAYS("The Modbus devices behind it.", .table = &modbus_tcp_slave_table)},
     [TCP_PROCESS] = {"process", CONFIG_INTEGER, .low = 1, .high = 6, .fallback = 1,
@@ -202,6 +207,9 @@ static const struct config_rule tcp_rules[TCP_KEYS] = {
 	     "on a serial line: of a serial device server that passes on what it is sent. "
 	     "Then the slaves are those of a line, and id 0 is the broadcast.",
 	     .see = "configuration.md#rtu-over-tcp")},
+    [TCP_TRANSPORT] = {KEY_TRANSPORT, CONFIG_CHOICE, .choices = transports, .fallback = MODBUS_OVER_TCP,
+		       CONFIG_SAYS("What carries the frames: tcp, a connection, or udp, a datagram each.",
+				   .see = "configuration.md#modbus-udp")},
     [TCP_PASS] = {MODBUS_KEY_PASS, CONFIG_OBJECT,
 		  CONFIG_SAYS(
 		      "What a tool of the devices' maker may ask through this line. Not given: nothing, "
@@ -212,7 +220,11 @@ CONFIG_SHARED_TABLE(
     modbus_tcp_table, .name = "tcp_connection", .rules = tcp_rules, .count = TCP_KEYS,
     .json = CONFIG_JSON({
 	    "if" : {"required" : ["framing"], "properties" : {"framing" : {"enum" : [ "rtu", "ascii" ]}}},
-	    "then" : {"properties" : {"slaves" : {"items" : {"$ref" : "#/$defs/slave"}}}}
+	    "then" : {
+		    "properties" :
+			{"slaves" : {"items" : {"$ref" : "#/$defs/slave"}},
+			 "transport" : {"const" : "tcp"}}
+	    }
     }));
 
 static bool is_inactive(const json_t *port)
@@ -374,12 +386,25 @@ static bool is_tcp(const json_t *port)
 	return json_object_get(port, KEY_HOST) != NULL || json_object_get(port, KEY_TCP_PORT) != NULL;
 }
 
+static void check_transport(struct modbus_loader *loader, const struct config_place *port,
+			    const struct config_value *values)
+{
+	const struct config_place framing = config_key_of(port, KEY_FRAMING);
+
+	if (values[TCP_TRANSPORT].integer == MODBUS_OVER_UDP &&
+	    values[TCP_FRAMING].integer != MODBUS_FRAMING_TCP)
+		config_error(loader->report, &framing,
+			     "%s is not carried by UDP here, expected tcp, or transport tcp",
+			     framings[values[TCP_FRAMING].integer]);
+}
+
 /* Many devices take one connection only, and all units behind it share that. */
 static void claim_host(struct modbus_loader *loader, const struct config_place *host,
 		       const struct modbus_port *line)
 {
 	for (const struct modbus_port *other = modbus_ports(loader->config); other < line; other++)
-		if (other->tcp_port == line->tcp_port && config_is_same_address(other->device, line->device))
+		if (other->tcp_port == line->tcp_port && other->transport == line->transport &&
+		    config_is_same_address(other->device, line->device))
 			config_error(loader->report, host, "%s port %u is already that of port[%u]",
 				     line->device, line->tcp_port,
 				     loader->port_of_line[other - modbus_ports(loader->config)]);
@@ -393,6 +418,7 @@ static void read_tcp_port(struct modbus_loader *loader, const struct config_plac
 	struct modbus_port *line;
 
 	config_read_keys(loader->report, place, json, tcp_rules, TCP_KEYS, values);
+	check_transport(loader, place, values);
 	claim_value(loader, place, &values[TCP_VALUE]);
 	line = map_next_record(config, MODBUS_PORTS);
 	*line = (struct modbus_port){
@@ -401,6 +427,7 @@ static void read_tcp_port(struct modbus_loader *loader, const struct config_plac
 	    .first_device = (uint16_t)config->set_count,
 	    .settle_ms = (uint16_t)values[TCP_SETTLE].integer,
 	    .framing = (uint8_t)values[TCP_FRAMING].integer,
+	    .transport = (uint8_t)values[TCP_TRANSPORT].integer,
 	    .tcp_port = values[TCP_PORT].wrong ? TCP_PORT_DEFAULT : (uint16_t)values[TCP_PORT].integer,
 	};
 	if (values[TCP_HOST].given) {

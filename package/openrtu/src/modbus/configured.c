@@ -13,7 +13,8 @@ unsigned modbus_bits_per_char(const struct modbus_port *line)
 struct modbus_wire modbus_wire_of(const struct modbus_port *line)
 {
 	const unsigned bits = modbus_bits_per_char(line);
-	struct modbus_wire wire = modbus_is_tcp(line) ? modbus_wire_tcp((enum modbus_framing)line->framing)
+	struct modbus_wire wire = modbus_is_udp(line)   ? modbus_wire_udp()
+				  : modbus_is_tcp(line) ? modbus_wire_tcp((enum modbus_framing)line->framing)
 				  : line->framing == MODBUS_FRAMING_ASCII
 				      ? modbus_wire_ascii(line->baud, bits)
 				      : modbus_wire(line->baud, bits);

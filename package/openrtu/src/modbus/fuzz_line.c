@@ -276,7 +276,7 @@ static void receive(const uint8_t *octets, size_t length)
 {
 	note_refusals(octets, length);
 	if (!modbus_line_receive(&line, octets, length, now)) {
-		CHECK(is_framed());
+		CHECK(is_framed() && !line.wire.datagrams);
 		lose_port();
 	}
 	poll_line();
@@ -514,7 +514,7 @@ static void begin(struct modbus_wire wire)
 static struct modbus_wire wire_of(uint8_t octet)
 {
 	if (octet & 1)
-		return modbus_wire_tcp(MODBUS_FRAMING_TCP);
+		return octet & 2 ? modbus_wire_udp() : modbus_wire_tcp(MODBUS_FRAMING_TCP);
 	if (octet & 4)
 		return octet & 2 ? modbus_wire_tcp(MODBUS_FRAMING_ASCII) : modbus_wire_ascii(9600, 10);
 	return octet & 2 ? modbus_wire_tcp(MODBUS_FRAMING_RTU) : modbus_wire(19200, 11);

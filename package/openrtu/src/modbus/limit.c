@@ -128,7 +128,7 @@ static void print_medium(const struct modbus_port *config, FILE *out)
 
 	if (modbus_is_tcp(config))
 		fprintf(out, "port %u: %s port %u, %s", config->port, config->device, config->tcp_port,
-			over_tcp[config->framing]);
+			modbus_is_udp(config) ? "UDP, " : over_tcp[config->framing]);
 	else
 		fprintf(out, "port %u: %u bit/s %u%c%u, %s", config->port, (unsigned)config->baud,
 			config->data_bits, parities[config->parity], config->stop_bits,
@@ -173,10 +173,10 @@ static void print_read(const struct modbus_line *line, const struct modbus_devic
 	fputc('\n', out);
 }
 
-/* Of a device on TCP nothing is assumed. */
+/* Of a device on a network nothing is assumed. */
 static void print_reaction(const struct modbus_line *line, const struct modbus_limits *limits, FILE *out)
 {
-	if (limits->reaction_ns == 0 && line->wire.connection)
+	if (limits->reaction_ns == 0 && line->wire.char_ns == 0)
 		return;
 	fprintf(out, ", reacts in %.1f ms%s", (double)modbus_reaction_ns(limits) / NS_PER_MS,
 		limits->reaction_ns == 0 ? " (assumed)" : "");
@@ -202,7 +202,7 @@ static void print_requests(const struct map_config *config, const struct modbus_
 {
 	if (line_requests(line) == 0)
 		return;
-	if (line->wire.connection)
+	if (line->wire.char_ns == 0)
 		fprintf(out, "  a request takes as long as its answer does, but at least %.0f ms\n",
 			(double)line->wire.least_ns / NS_PER_MS);
 	else

@@ -26,12 +26,6 @@ size_t modbus_mbap_seal(uint8_t *frame, uint16_t transaction, size_t body)
 	return MODBUS_MBAP_PREFIX + body;
 }
 
-size_t modbus_mbap_frame(const struct modbus_request *request, uint16_t transaction,
-			 uint8_t frame[MODBUS_FRAME_MAX])
-{
-	return modbus_mbap_seal(frame, transaction, modbus_request_body(request, frame + MODBUS_MBAP_PREFIX));
-}
-
 size_t modbus_mbap_length(const uint8_t *bytes, size_t length)
 {
 	if (length < MODBUS_MBAP_PREFIX)

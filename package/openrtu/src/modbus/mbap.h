@@ -18,13 +18,6 @@
 size_t modbus_mbap_seal(uint8_t *frame, uint16_t transaction, size_t body);
 
 /*
- * Writes the request's frame and returns its length. The request must be within the protocol's limits, as for
- * modbus_request_frame.
- */
-size_t modbus_mbap_frame(const struct modbus_request *request, uint16_t transaction,
-			 uint8_t frame[MODBUS_FRAME_MAX]);
-
-/*
  * Length of the whole frame that begins with these octets: at most MODBUS_MBAP_FRAME_MAX, and more than
  * there are until its length field has come. 0: no frame of Modbus begins so, and where the next one does is unknown.
  */

@@ -41,6 +41,15 @@ struct modbus_wire modbus_wire_tcp(enum modbus_framing framing)
 				    .framing = (uint8_t)framing};
 }
 
+struct modbus_wire modbus_wire_udp(void)
+{
+	struct modbus_wire wire = modbus_wire_tcp(MODBUS_FRAMING_TCP);
+
+	wire.connection = false;
+	wire.datagrams = true;
+	return wire;
+}
+
 static int compare_objects(const void *left, const void *right)
 {
 	const struct modbus_object *a = left, *b = right;

@@ -74,6 +74,7 @@ struct modbus_wire {
 	int64_t least_ns; /* from one request to the next, whatever it takes */
 	int64_t gap_ns;   /* the most between two octets of a frame */
 	bool connection;  /* and no wire: the durations of one are 0 */
+	bool datagrams;   /* the same, a frame each */
 	uint8_t framing;  /* enum modbus_framing */
 };
 
@@ -82,6 +83,8 @@ struct modbus_wire {
  * are 100 a second at most.
  */
 struct modbus_wire modbus_wire_tcp(enum modbus_framing framing);
+/* The same of Modbus TCP's frames in datagrams. */
+struct modbus_wire modbus_wire_udp(void);
 
 /* Durations at that speed. bits_per_char: start, data, parity and stop bits, 10..12. */
 struct modbus_wire modbus_wire(uint32_t baud, unsigned bits_per_char);

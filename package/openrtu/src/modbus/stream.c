@@ -76,8 +76,21 @@ static void remember_unanswered(struct modbus_line *line)
 				    .sent_ns = line->sent_ns};
 }
 
+/* A datagram is one frame, or nothing; who sends something else by UDP may be anybody. */
+static void take_datagram(struct modbus_line *line, const uint8_t *bytes, size_t length, int64_t now_ns)
+{
+	if (modbus_mbap_length(bytes, length) == length)
+		take_frame(line, bytes, length, now_ns);
+	else
+		line->counters.noise_bytes += (uint32_t)length;
+}
+
 static bool receive(struct modbus_line *line, const uint8_t *bytes, size_t length, int64_t now_ns)
 {
+	if (line->wire.datagrams) {
+		take_datagram(line, bytes, length, now_ns);
+		return true;
+	}
 	for (size_t i = 0; i < length; i++) {
 		line->stream[line->stream_count++] = bytes[i];
 		size_t whole = modbus_mbap_length(line->stream, line->stream_count);

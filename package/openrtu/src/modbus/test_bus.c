@@ -530,6 +530,19 @@ static void take_output(const struct modbus_output *output)
 		slave_takes(&bus.slaves[i], &request, frame);
 }
 
+/* Datagrams one by one, as far as they are frames. */
+static void give(const uint8_t *bytes, size_t count)
+{
+	size_t length = bus.line.wire.datagrams ? modbus_mbap_length(bytes, count) : count;
+
+	for (; length > 0 && length < count; length = modbus_mbap_length(bytes, count)) {
+		assert_true(modbus_line_receive(&bus.line, bytes, length, bus.now_ns));
+		bytes += length;
+		count -= length;
+	}
+	assert_true(modbus_line_receive(&bus.line, bytes, count, bus.now_ns));
+}
+
 void deliver(void)
 {
 	static uint8_t bytes[WIRE_MAX];
@@ -542,7 +555,7 @@ void deliver(void)
 	}
 	bus.wire_count -= count;
 	memmove(&bus.wire[0], &bus.wire[count], bus.wire_count * sizeof(bus.wire[0]));
-	assert_true(modbus_line_receive(&bus.line, bytes, count, bus.now_ns));
+	give(bytes, count);
 	bus.deliveries += count > 0;
 }
 
@@ -663,6 +676,11 @@ void set_up(void)
 void use_connection(enum modbus_framing framing)
 {
 	bus.line.wire = modbus_wire_tcp(framing);
+}
+
+void use_udp(void)
+{
+	bus.line.wire = modbus_wire_udp();
 }
 
 void use_ascii(uint32_t baud)

@@ -159,6 +159,8 @@ void start(void);
 /* On TCP from then on, with frames of Modbus TCP or with such; to be called before the line starts. */
 void use_tcp(void);
 void use_connection(enum modbus_framing framing);
+/* The same in datagrams. */
+void use_udp(void);
 /* A serial line of that speed with Modbus ASCII. */
 void use_ascii(uint32_t baud);
 /* One device with eight holding registers, scanned at least once. */

@@ -53,13 +53,15 @@ struct call_rule {
 #define TLS_CALLS RENEWAL_CALLS, CALL(lseek), CALL(_llseek), CALL(getrandom), CALL(futex_time64), CALL(futex)
 
 #define IOCTL(request) CALL_WITH(ioctl, MASKED(1, UINT32_MAX, request))
-#define TCP_SOCKET(family)                                                                                   \
+#define SOCKET(family, type)                                                                                 \
 	{                                                                                                    \
 		.call = SCMP_SYS(socket), .count = 2, .arguments = {                                         \
 			EQUAL(0, family),                                                                    \
-			EQUAL(1, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC)                                 \
+			EQUAL(1, (type) | SOCK_NONBLOCK | SOCK_CLOEXEC)                                      \
 		}                                                                                            \
 	}
+#define TCP_SOCKET(family) SOCKET(family, SOCK_STREAM)
+#define UDP_SOCKET(family) SOCKET(family, SOCK_DGRAM)
 
 /* channel/serial.c */
 #define SERIAL_PORT_CALLS                                                                                    \

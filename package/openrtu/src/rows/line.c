@@ -4,7 +4,7 @@
 #include "modbus/config.h"
 #include "modbus/stats.h"
 
-/* As engineers write it: 19200 8N2, 9600 7E1 ASCII, TCP 502, RTU over TCP 4001 */
+/* As engineers write it: 19200 8N2, 9600 7E1 ASCII, TCP 502, UDP 502, RTU over TCP 4001 */
 static json_t *line_format(const struct modbus_port *line)
 {
 	static const char parities[] = {
@@ -14,6 +14,8 @@ static json_t *line_format(const struct modbus_port *line)
 					  [MODBUS_FRAMING_TCP] = "TCP",
 					  [MODBUS_FRAMING_ASCII] = "ASCII over TCP"};
 
+	if (modbus_is_udp(line))
+		return json_sprintf("UDP %u", line->tcp_port);
 	if (modbus_is_tcp(line))
 		return json_sprintf("%s %u", tcp[line->framing], line->tcp_port);
 	return json_sprintf("%u %u%c%u%s", line->baud, line->data_bits, parities[line->parity],
@@ -65,7 +67,7 @@ json_t *rows_line(const struct map *map, uint32_t index)
 	json_object_set_new(row, "stuck_s", json_integer(stats->stuck_s));
 	json_object_set_new(row, "commands", json_integer(stats->commands));
 	json_object_set_new(row, "port_errors", json_integer(stats->port_errors));
-	if (modbus_is_tcp(line))
+	if (modbus_is_tcp(line) && !modbus_is_udp(line))
 		add_connection(row, stats);
 	json_object_set_new(row, "devices", line_devices(map, line));
 	return row;

@@ -21,18 +21,32 @@
 	CALL(pread64), CALL(epoll_wait), CALL(epoll_pwait), CALL(epoll_ctl), CALL(timerfd_settime64),        \
 	    CALL(timerfd_settime), SERIAL_PORT_CALLS, TCP_CONNECTION_CALLS, CALL(poll), CALL(ppoll_time64),  \
 	    CALL(ppoll)
+#define LISTENING_CALLS CALL(accept4), CALL(send), CALL(sendto)
+#define UDP_CALLS       UDP_SOCKET(AF_INET), UDP_SOCKET(AF_INET6)
 static const struct call_rule calls[] = {LINE_CALLS};
-static const struct call_rule listening_calls[] = {LINE_CALLS, CALL(accept4), CALL(send), CALL(sendto)};
+static const struct call_rule listening_calls[] = {LINE_CALLS, LISTENING_CALLS};
+static const struct call_rule udp_calls[] = {LINE_CALLS, UDP_CALLS};
+static const struct call_rule all_calls[] = {LINE_CALLS, LISTENING_CALLS, UDP_CALLS};
 
-static const struct kind_program programs[] = {
-    {"rtu-modbus", calls, sizeof(calls) / sizeof(calls[0])},
-    {"rtu-modbus", listening_calls, sizeof(listening_calls) / sizeof(listening_calls[0])},
-};
+#define PROGRAM(calls)                                                                                       \
+	{                                                                                                    \
+		"rtu-modbus", calls, sizeof(calls) / sizeof((calls)[0])                                      \
+	}
+static const struct kind_program programs[] = {PROGRAM(calls), PROGRAM(listening_calls), PROGRAM(udp_calls),
+					       PROGRAM(all_calls)};
 
-/* Who connects to no line has no use for a program that could be connected to. */
+static bool has_udp(const struct map_config *config)
+{
+	for (uint32_t i = 0; i < modbus_port_count(config); i++)
+		if (modbus_is_udp(&modbus_ports(config)[i]))
+			return true;
+	return false;
+}
+
+/* It may do what the file asks for. */
 static const struct kind_program *choose(const struct map_config *config)
 {
-	return &programs[map_record_count(config, MODBUS_PASSES) > 0];
+	return &programs[(map_record_count(config, MODBUS_PASSES) > 0 ? 1 : 0) + (has_udp(config) ? 2 : 0)];
 }
 
 static int priority(const struct map_config *config)
@@ -155,7 +169,7 @@ static bool same_port(const struct map_config *a, const struct modbus_port *of_a
 	    of_a->rs485 != of_b->rs485 || of_a->before_ms != of_b->before_ms ||
 	    of_a->after_ms != of_b->after_ms || of_a->tcp_port != of_b->tcp_port ||
 	    of_a->settle_ms != of_b->settle_ms || of_a->framing != of_b->framing ||
-	    strcmp(of_a->device, of_b->device) != 0)
+	    of_a->transport != of_b->transport || strcmp(of_a->device, of_b->device) != 0)
 		return false;
 	for (uint32_t i = 0; i < of_a->device_count; i++)
 		if (!same_slave(a, of_a->first_device + i, b, of_b->first_device + i))

@@ -268,6 +268,35 @@ static const struct port_backend tcp_backend = {
     .discard_output = keep_output,
 };
 
+/* ---- UDP ----------------------------------------------------------------------------------- */
+
+static void say_udp_open(const struct port *port, const char *again)
+{
+	map_log(port->map, MAP_LOG_INFO, "port %u: %s is asked by UDP%s", port->config->port, port->path,
+		again);
+}
+
+/* Whether anybody is there shows when something is asked. */
+static void open_udp(struct port *port, int64_t now_ns)
+{
+	char error[TCP_ERROR_SIZE];
+
+	port->fd = udp_connect(port->config->device, port->config->tcp_port, error);
+	if (port->fd < 0 || !wait_for_port(port, EPOLLIN, error))
+		retry_port(port, error, "", now_ns);
+	else
+		begin_line(port, now_ns);
+}
+
+static const struct port_backend udp_backend = {
+    .set_path = set_tcp_path,
+    .say_open = say_udp_open,
+    .open = open_udp,
+    .close = close_connection,
+    .is_as_set = is_connection_as_set,
+    .discard_output = keep_output,
+};
+
 /* ---- either ------------------------------------------------------------------------------ */
 
 void port_init(struct port *port, struct map *map, uint32_t number, const char *directory, int epoll_fd)
@@ -281,7 +310,9 @@ void port_init(struct port *port, struct map *map, uint32_t number, const char *
 			      .epoll_fd = epoll_fd,
 			      .fd = -1,
 			      .attempts = attempts_begin(ATTEMPTS_FIRST_NS, ATTEMPTS_MOST_NS)};
-	port->backend = modbus_is_tcp(line) ? &tcp_backend : &serial_backend;
+	port->backend = modbus_is_udp(line)   ? &udp_backend
+			: modbus_is_tcp(line) ? &tcp_backend
+					      : &serial_backend;
 	port->backend->set_path(port, directory);
 }
 
@@ -317,9 +348,14 @@ static void end_port(struct port *port, const char *cause, int64_t now_ns)
 	port->deadline_ns = 0;
 }
 
+static bool is_connection(const struct port *port)
+{
+	return modbus_is_tcp(port->config) && !modbus_is_udp(port->config);
+}
+
 static bool has_hung_up(const struct port *port, int error)
 {
-	return modbus_is_tcp(port->config) && (error == 0 || error == ECONNRESET || error == EPIPE);
+	return is_connection(port) && (error == 0 || error == ECONNRESET || error == EPIPE);
 }
 
 /* What is set anew is the whole port: its speed, its format and, behind them, its RS-485 mode. */
@@ -345,8 +381,21 @@ static void end_reading(struct port *port, int error, int64_t now_ns)
 /* Before it is asked, it is looked whether it has: what is written then arrives nowhere, and of a command nobody knows. */
 static bool may_hang_up(const struct port *port)
 {
-	return modbus_is_tcp(port->config) &&
-	       (port->line.connection.closes > 0 || port->line.command_count > 0);
+	return is_connection(port) && (port->line.connection.closes > 0 || port->line.command_count > 0);
+}
+
+/* Of datagrams, one may be empty. */
+static bool is_end(const struct port *port, ssize_t length)
+{
+	return length == 0 && !modbus_is_udp(port->config);
+}
+
+/* There is nothing behind it that needs another look. */
+static bool is_last(const struct port *port, ssize_t length, size_t size)
+{
+	if (modbus_is_udp(port->config))
+		return length < 0;
+	return length < (ssize_t)size && (length <= 0 || !may_hang_up(port));
 }
 
 /* Gives what is readable to the line: far more than a device sends, and never a flood without end. */
@@ -361,9 +410,9 @@ static void read_port(struct port *port)
 			modbus_frames_add(port->frames, MODBUS_RECEIVED, bytes, (size_t)length, now_ns);
 		if (length > 0 && !modbus_line_receive(&port->line, bytes, (size_t)length, now_ns))
 			lose_port(port, "it sends something that is not Modbus", now_ns);
-		else if (length == 0 || (length < 0 && errno != EAGAIN && errno != EINTR))
+		else if (is_end(port, length) || (length < 0 && errno != EAGAIN && errno != EINTR))
 			end_reading(port, length == 0 ? 0 : errno, now_ns);
-		if (length < (ssize_t)sizeof(bytes) && (length <= 0 || !may_hang_up(port)))
+		if (is_last(port, length, sizeof(bytes)))
 			return;
 	}
 }
