@@ -192,6 +192,26 @@ static void test_another_units_answer_is_not_taken(void **state)
 	assert_answered(40);
 }
 
+/* More than the line keeps, without a pause. */
+static void test_a_flood_is_no_answer(void **state)
+{
+	uint8_t flood[2 * MODBUS_FRAME_MAX + 100];
+
+	(void)state;
+	start_simple(1);
+	memset(flood, 'B', sizeof(flood));
+	assert_true(pass(0, reading, sizeof(reading), 7));
+	while (bus.line.purpose != MODBUS_PASS)
+		run_for(MS / 10);
+	bus.wire_count = 0;
+	assert_true(modbus_line_receive(&bus.line, flood, sizeof(flood), bus.now_ns));
+	run_for(SECOND);
+	assert_int_equal(bus.pass_result, MODBUS_TIMED_OUT);
+	assert_int_equal(bus.passes, 1);
+	run_for(SECOND);
+	assert_true(bus.devices[0].alive);
+}
+
 /* ---- whose time it takes ----------------------------------------------------------------------------- */
 
 static unsigned read_for(int64_t ns, bool passing)
@@ -301,6 +321,7 @@ int main(void)
 	    cmocka_unit_test(test_a_peer_that_hangs_up_on_it_is_not_lost),
 	    cmocka_unit_test(test_a_late_answer_is_nobodys),
 	    cmocka_unit_test(test_another_units_answer_is_not_taken),
+	    cmocka_unit_test(test_a_flood_is_no_answer),
 	    cmocka_unit_test(test_it_takes_its_share_of_a_scan_without_end),
 	    cmocka_unit_test(test_periods_are_kept),
 	    cmocka_unit_test(test_without_room_it_is_not_sent),
