@@ -82,12 +82,14 @@ bool modbus_may_pass(const struct modbus_line *line, int64_t now_ns)
 
 int64_t modbus_next_pass_ns(const struct modbus_line *line, int64_t now_ns)
 {
-	int64_t may_ns;
+	int64_t may_ns, old_ns;
 
 	if (!line->passing || is_under_way(line))
 		return MODBUS_NEVER;
 	may_ns = later(line->pass_free_ns, modbus_surely_ready_ns(&line->devices[line->passed.device]));
-	return may_ns > now_ns ? earlier(may_ns, line->passed.deadline_ns + 1) : line->passed.deadline_ns + 1;
+	/* One that is too old ends with the next poll that asks for anything. */
+	old_ns = later(line->passed.deadline_ns, now_ns) + 1;
+	return may_ns > now_ns ? earlier(may_ns, old_ns) : old_ns;
 }
 
 bool modbus_pass_is_known(uint8_t function)
