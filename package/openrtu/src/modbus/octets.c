@@ -189,9 +189,9 @@ static void take_passed_octet(struct modbus_line *line, int64_t now_ns)
 
 static void keep_byte(struct modbus_line *line, uint8_t byte, int64_t now_ns)
 {
-	/* An answer is at most half of the buffer: what fills it are strays. */
+	/* An answer is at most half of the buffer: what fills it are strays, also where nobody looked for one among them. */
 	if (line->received_count == sizeof(line->received)) {
-		if (line->purpose == MODBUS_PASS)
+		if (line->strays == 0)
 			line->strays = line->received_count;
 		modbus_remove_strays(line, now_ns);
 	}
