@@ -53,10 +53,14 @@ enum config_kind {
 	CONFIG_ANYTHING, /* not looked at */
 };
 
+struct config_inside;
+
 struct config_rule {
 	const char *name;
 	enum config_kind kind;
 	bool required;
+	bool page;                          /* the gateway's page may change it: config/page.h */
+	const struct config_inside *inside; /* of that, what its own keys' rows say; NULL: all of it */
 	double low, high;
 	const char *const *choices; /* ends with NULL */
 	double fallback;            /* the value of a key that is not given */

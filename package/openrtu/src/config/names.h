@@ -14,7 +14,7 @@
 #define CONFIG_LN_RULE                                                                                       \
 	{                                                                                                    \
 		CONFIG_KEY_LN, CONFIG_TEXT,                                                                  \
-		    .low = 1, .high = CONFIG_LN_SIZE - 1,                                                    \
+		    .page = true, .low = 1, .high = CONFIG_LN_SIZE - 1,                                      \
 		    CONFIG_SAYS(                                                                             \
 			"Data object of IEC 61850 that it is, instead of one of GGIO1, as `MMXU1.TotW`: "    \
 			"prefix or none, class and number of the logical node, and the data object.",        \

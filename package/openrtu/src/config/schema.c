@@ -71,17 +71,25 @@ static const char *unit_of(const struct config_rule *rule)
 	return NULL;
 }
 
+static void add_comment(char text[COMMENT_SIZE], const char *word, const char *what)
+{
+	const size_t used = strlen(text);
+
+	if (what != NULL)
+		snprintf(text + used, COMMENT_SIZE - used, "%s%s%s", used > 0 ? ", " : "", word, what);
+}
+
 /* For who makes a page of it; validators refuse keywords of our own. */
 static bool put_comment(json_t *out, const struct config_rule *rule)
 {
 	const char *unit = unit_of(rule);
-	char text[COMMENT_SIZE];
+	char text[COMMENT_SIZE] = "";
 
-	if (unit == NULL && rule->see == NULL)
+	add_comment(text, "unit: ", unit);
+	add_comment(text, "see: ", rule->see);
+	add_comment(text, "page: ", rule->page ? "changes it" : NULL);
+	if (text[0] == '\0')
 		return true;
-	snprintf(text, sizeof(text), "%s%s%s%s%s", unit != NULL ? "unit: " : "", unit != NULL ? unit : "",
-		 unit != NULL && rule->see != NULL ? ", " : "", rule->see != NULL ? "see: " : "",
-		 rule->see != NULL ? rule->see : "");
 	return put(out, "$comment", json_string(text));
 }
 

@@ -7,6 +7,7 @@
 #define OPENRTU_MODBUS_CONFIG_LOADER_H
 
 #include "config/names.h"
+#include "config/page.h"
 #include "config/part.h"
 #include "modbus/config.h"
 
@@ -69,6 +70,9 @@ static inline bool modbus_is_writable(enum modbus_table table)
 {
 	return table == MODBUS_COILS || table == MODBUS_HOLDING_REGISTERS;
 }
+
+/* What the gateway's page may change of a port, a slave, an object. */
+extern const struct config_inside modbus_port_inside, modbus_slave_inside, modbus_object_inside;
 
 /* ---- config_object_keys.c ---------------------------------------------------------------- */
 

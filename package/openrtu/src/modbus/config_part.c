@@ -25,7 +25,8 @@ CONFIG_TABLE(modbus_table, .name = "modbus", .rules = modbus_rules, .count = MOD
 enum { FILE_PORT, FILE_MODBUS, FILE_KEYS };
 static const struct config_rule file_rules[FILE_KEYS] = {
     [FILE_PORT] =
-	{MODBUS_KEY_PORTS, CONFIG_ARRAY, .required = true, .high = MODBUS_PORTS_MAX,
+	{MODBUS_KEY_PORTS, CONFIG_ARRAY, .page = true, .inside = &modbus_port_inside, .required = true,
+	 .high = MODBUS_PORTS_MAX,
 	 CONFIG_SAYS(
 	     "The serial lines and the Modbus TCP connections. Not all ports of the board need be there.",
 	     .forms = CONFIG_FORMS(&modbus_inactive_table, &modbus_tcp_table, &modbus_port_table),

@@ -26,15 +26,16 @@ static const char *const board_devices[] = {"ttyS1", "ttyS2", "ttyS3", "ttyS4", 
 enum { RS485_RTS_ON_SEND, RS485_DELAY_BEFORE, RS485_DELAY_AFTER, RS485_KEYS };
 static const char *const levels[] = {"high", "low", NULL};
 static const struct config_rule rs485_rules[RS485_KEYS] = {
-    [RS485_RTS_ON_SEND] = {"rts_on_send", CONFIG_CHOICE, .choices = levels,
+    [RS485_RTS_ON_SEND] = {"rts_on_send", CONFIG_CHOICE, .page = true, .choices = levels,
 			   CONFIG_SAYS("Level of the RTS pin while sending.")},
-    [RS485_DELAY_BEFORE] = {"delay_before_ms", CONFIG_INTEGER, .low = 0, .high = 100,
+    [RS485_DELAY_BEFORE] = {"delay_before_ms", CONFIG_INTEGER, .page = true, .low = 0, .high = 100,
 			    CONFIG_SAYS(
 				"Milliseconds from the switch of direction to the first character sent.")},
-    [RS485_DELAY_AFTER] = {"delay_after_ms", CONFIG_INTEGER, .low = 0, .high = 100,
+    [RS485_DELAY_AFTER] = {"delay_after_ms", CONFIG_INTEGER, .page = true, .low = 0, .high = 100,
 			   CONFIG_SAYS(
 			       "Milliseconds from the last character sent to the switch of direction.")},
 };
+static const struct config_inside modbus_rs485_inside = {.rules = rs485_rules, .count = RS485_KEYS};
 CONFIG_TABLE(rs485_table, .name = "rs485", .rules = rs485_rules, .count = RS485_KEYS);
 
 enum {
@@ -61,37 +62,39 @@ enum { LINE_RTU, LINE_ASCII };
 static const char *const line_framings[] = {[LINE_RTU] = "rtu", [LINE_ASCII] = "ascii", NULL};
 static const struct config_rule port_rules[PORT_KEYS] = {
     [PORT_VALUE] =
-	{"value", CONFIG_INTEGER, .required = true, .low = 1, .high = MODBUS_PORTS_MAX,
+	{"value", CONFIG_INTEGER, .page = true, .required = true, .low = 1, .high = MODBUS_PORTS_MAX,
 	 CONFIG_SAYS(
 	     "Number of the port, once in the file. 1 to 6 are the board's; beyond, device is needed.")},
-    [PORT_ACTIVE] = {"active", CONFIG_INTEGER, .required = true, .low = 0, .high = 1,
+    [PORT_ACTIVE] = {"active", CONFIG_INTEGER, .page = true, .required = true, .low = 0, .high = 1,
 		     CONFIG_SAYS("1: the line is used; 0: it is not, and nothing else of the port counts.")},
     [PORT_BAUD_RATE] =
-	{"baud_rate", CONFIG_INTEGER, .required = true, .low = 300, .high = 4000000,
+	{"baud_rate", CONFIG_INTEGER, .page = true, .required = true, .low = 300, .high = 4000000,
 	 CONFIG_SAYS(
 	     "Bit/s. Without a `device` at most 460800: the transceivers of the board end at 500 kbit/s.",
 	     .unit = "bit/s")},
-    [PORT_DATA_BITS] = {"data_bits", CONFIG_INTEGER, .required = true, .low = 4, .high = 8,
+    [PORT_DATA_BITS] = {"data_bits", CONFIG_INTEGER, .page = true, .required = true, .low = 4, .high = 8,
 			CONFIG_SAYS(
 			    "Data bits of a character. Modbus RTU sends whole bytes, so only 8 will do; of "
 			    "ASCII, 7 or 8.",
 			    .json = CONFIG_JSON({"minimum" : 7}))},
-    [PORT_STOP_BITS] = {"stop_bits", CONFIG_INTEGER, .required = true, .low = 1, .high = 2,
+    [PORT_STOP_BITS] = {"stop_bits", CONFIG_INTEGER, .page = true, .required = true, .low = 1, .high = 2,
 			CONFIG_SAYS("Stop bits of a character.")},
-    [PORT_PARITY] = {"parity", CONFIG_INTEGER, .required = true, .low = 0, .high = 2,
+    [PORT_PARITY] = {"parity", CONFIG_INTEGER, .page = true, .required = true, .low = 0, .high = 2,
 		     CONFIG_SAYS("0: none, 1: odd, 2: even.")},
-    [PORT_SLAVES] = {MODBUS_KEY_SLAVES, CONFIG_ARRAY, .required = true, .high = MODBUS_UNIT_MAX + 1,
+    [PORT_SLAVES] = {MODBUS_KEY_SLAVES, CONFIG_ARRAY, .page = true, .inside = &modbus_slave_inside,
+		     .required = true, .high = MODBUS_UNIT_MAX + 1,
 		     CONFIG_SAYS("The Modbus devices on the line.", .table = &modbus_slave_table)},
     [PORT_DEVICE] = {"device", CONFIG_TEXT, .low = 1, .high = MODBUS_PATH_SIZE - 1,
 		     CONFIG_SAYS("Serial device, absolute or below rtud's --dev directory. Without it, ports "
 				 "1 to 6 are ttyS1, ttyS2, ttyS3, ttyS4, ttyS6 and ttyS8.")},
     [PORT_PROCESS] = {"process", CONFIG_INTEGER, .low = 1, .high = 6, .fallback = 1,
 		      CONFIG_SAYS("Lines with one number share one rtu-modbus process.")},
-    [PORT_RS485] = {"rs485", CONFIG_OBJECT,
+    [PORT_RS485] = {"rs485", CONFIG_OBJECT, .page = true, .inside = &modbus_rs485_inside,
 		    CONFIG_SAYS("The port's driver switches an RS-485 transceiver with its RTS pin. Without "
 				"it, the transceiver finds the direction itself, as those of the board do.",
 				.table = &rs485_table)},
-    [PORT_FRAMING] = {KEY_FRAMING, CONFIG_CHOICE, .choices = line_framings, .fallback = LINE_RTU,
+    [PORT_FRAMING] = {KEY_FRAMING, CONFIG_CHOICE, .page = true, .choices = line_framings,
+		      .fallback = LINE_RTU,
 		      CONFIG_SAYS(
 			  "How frames stand on the line: rtu, as octets with a CRC, or ascii, as text.",
 			  .see = "configuration.md#ascii")},
@@ -133,21 +136,22 @@ CONFIG_SHARED_TABLE(
     }));
 /* Figure 4.8: the parameters of a port that is not active are zeros and mean nothing. */
 static const struct config_rule inactive_port_rules[INACTIVE_PORT_KEYS] = {
-    [PORT_VALUE] = {"value", CONFIG_INTEGER, .required = true, .low = 1, .high = MODBUS_PORTS_MAX},
-    [PORT_ACTIVE] = {"active", CONFIG_INTEGER, .required = true, .low = 0, .high = 1},
-    [PORT_BAUD_RATE] = {"baud_rate", CONFIG_ANYTHING},
-    [PORT_DATA_BITS] = {"data_bits", CONFIG_ANYTHING},
-    [PORT_STOP_BITS] = {"stop_bits", CONFIG_ANYTHING},
-    [PORT_PARITY] = {"parity", CONFIG_ANYTHING},
-    [PORT_SLAVES] = {MODBUS_KEY_SLAVES, CONFIG_ANYTHING},
+    [PORT_VALUE] = {"value", CONFIG_INTEGER, .page = true, .required = true, .low = 1,
+		    .high = MODBUS_PORTS_MAX},
+    [PORT_ACTIVE] = {"active", CONFIG_INTEGER, .page = true, .required = true, .low = 0, .high = 1},
+    [PORT_BAUD_RATE] = {"baud_rate", CONFIG_ANYTHING, .page = true},
+    [PORT_DATA_BITS] = {"data_bits", CONFIG_ANYTHING, .page = true},
+    [PORT_STOP_BITS] = {"stop_bits", CONFIG_ANYTHING, .page = true},
+    [PORT_PARITY] = {"parity", CONFIG_ANYTHING, .page = true},
+    [PORT_SLAVES] = {MODBUS_KEY_SLAVES, CONFIG_ANYTHING, .page = true, .inside = &modbus_slave_inside},
     [PORT_DEVICE] = {"device", CONFIG_ANYTHING},
     [PORT_PROCESS] = {"process", CONFIG_ANYTHING},
-    [PORT_RS485] = {"rs485", CONFIG_ANYTHING},
-    [PORT_HOST] = {KEY_HOST, CONFIG_ANYTHING},
-    [PORT_TCP_PORT] = {KEY_TCP_PORT, CONFIG_ANYTHING},
-    [PORT_SETTLE] = {KEY_SETTLE, CONFIG_ANYTHING},
-    [PORT_TRANSPORT] = {KEY_TRANSPORT, CONFIG_ANYTHING},
-    [PORT_FRAMING] = {KEY_FRAMING, CONFIG_ANYTHING},
+    [PORT_RS485] = {"rs485", CONFIG_ANYTHING, .page = true, .inside = &modbus_rs485_inside},
+    [PORT_HOST] = {KEY_HOST, CONFIG_ANYTHING, .page = true},
+    [PORT_TCP_PORT] = {KEY_TCP_PORT, CONFIG_ANYTHING, .page = true},
+    [PORT_SETTLE] = {KEY_SETTLE, CONFIG_ANYTHING, .page = true},
+    [PORT_TRANSPORT] = {KEY_TRANSPORT, CONFIG_ANYTHING, .page = true},
+    [PORT_FRAMING] = {KEY_FRAMING, CONFIG_ANYTHING, .page = true},
     [PORT_PASS] = {MODBUS_KEY_PASS, CONFIG_ANYTHING},
 };
 
@@ -177,37 +181,42 @@ static const char *const framings[] = {
 static const char *const transports[] = {[MODBUS_OVER_TCP] = "tcp", [MODBUS_OVER_UDP] = "udp", NULL};
 static const struct config_rule tcp_rules[TCP_KEYS] = {
     [TCP_VALUE] =
-	{"value", CONFIG_INTEGER, .required = true, .low = COUNT(board_devices) + 1, .high = MODBUS_PORTS_MAX,
+	{"value", CONFIG_INTEGER, .page = true, .required = true, .low = COUNT(board_devices) + 1,
+	 .high = MODBUS_PORTS_MAX,
 	 CONFIG_SAYS(
 	     "Number of the connection, which is a port like others, once in the file; 1 to 6 are serial.")},
-    [TCP_ACTIVE] = {"active", CONFIG_INTEGER, .required = true, .low = 0, .high = 1,
+    [TCP_ACTIVE] = {"active", CONFIG_INTEGER, .page = true, .required = true, .low = 0, .high = 1,
 		    CONFIG_SAYS("1: the connection is used; 0: it is not, and nothing else of it counts.")},
-    [TCP_HOST] = {KEY_HOST, CONFIG_TEXT, .required = true, .low = 1, .high = MAP_ADDRESS_SIZE - 1,
+    [TCP_HOST] = {KEY_HOST, CONFIG_TEXT, .page = true, .required = true, .low = 1,
+		  .high = MAP_ADDRESS_SIZE - 1,
 		  CONFIG_SAYS("IPv4 or IPv6 address of the device, or of the gateway before its devices. Not "
 			      "a name: to look it up may take long.",
 			      .json = CONFIG_JSON({
 				      "anyOf" : [ {"format" : "ipv4"}, {"format" : "ipv6"} ],
 				      "examples" : [ "192.0.2.7", "2001:db8::7" ]
 			      }))},
-    [TCP_PORT] = {KEY_TCP_PORT, CONFIG_INTEGER, .low = 1, .high = UINT16_MAX, .fallback = TCP_PORT_DEFAULT,
+    [TCP_PORT] = {KEY_TCP_PORT, CONFIG_INTEGER, .page = true, .low = 1, .high = UINT16_MAX,
+		  .fallback = TCP_PORT_DEFAULT,
 		  CONFIG_SAYS("TCP port; with transport udp, the port of UDP.")},
-    [TCP_SLAVES] = {MODBUS_KEY_SLAVES, CONFIG_ARRAY, .required = true, .high = MODBUS_UNIT_MAX + 1,
+    [TCP_SLAVES] = {MODBUS_KEY_SLAVES, CONFIG_ARRAY, .page = true, .inside = &modbus_slave_inside,
+		    .required = true, .high = MODBUS_UNIT_MAX + 1,
 		    CONFIG_SAYS("The Modbus devices behind it.", .table = &modbus_tcp_slave_table)},
     [TCP_PROCESS] = {"process", CONFIG_INTEGER, .low = 1, .high = 6, .fallback = 1,
 		     CONFIG_SAYS("Lines with one number share one rtu-modbus process.")},
-    [TCP_SETTLE] = {KEY_SETTLE, CONFIG_INTEGER, .low = 0, .high = 10000, .fallback = 0,
+    [TCP_SETTLE] = {KEY_SETTLE, CONFIG_INTEGER, .page = true, .low = 0, .high = 10000, .fallback = 0,
 		    CONFIG_SAYS(
 			"Milliseconds between a connection and the first request on it, at least. A longer "
 			"time that the peer needs is learned.",
 			.see = "limit.md#connections")},
     [TCP_FRAMING] =
-	{KEY_FRAMING, CONFIG_CHOICE, .choices = framings, .fallback = MODBUS_FRAMING_TCP,
+	{KEY_FRAMING, CONFIG_CHOICE, .page = true, .choices = framings, .fallback = MODBUS_FRAMING_TCP,
 	 CONFIG_SAYS(
 	     "How frames stand on the connection: tcp, with the header of Modbus TCP; rtu or ascii, as "
 	     "on a serial line: of a serial device server that passes on what it is sent. "
 	     "Then the slaves are those of a line, and id 0 is the broadcast.",
 	     .see = "configuration.md#rtu-over-tcp")},
-    [TCP_TRANSPORT] = {KEY_TRANSPORT, CONFIG_CHOICE, .choices = transports, .fallback = MODBUS_OVER_TCP,
+    [TCP_TRANSPORT] = {KEY_TRANSPORT, CONFIG_CHOICE, .page = true, .choices = transports,
+		       .fallback = MODBUS_OVER_TCP,
 		       CONFIG_SAYS("What carries the frames: tcp, a connection, or udp, a datagram each.",
 				   .see = "configuration.md#modbus-udp")},
     [TCP_PASS] = {MODBUS_KEY_PASS, CONFIG_OBJECT,
@@ -226,6 +235,11 @@ CONFIG_SHARED_TABLE(
 			 "transport" : {"const" : "tcp"}}
 	    }
     }));
+
+/* A port may become another kind of port, so each may have the keys of all. */
+static const struct config_inside tcp_inside = {.rules = tcp_rules, .count = TCP_KEYS};
+const struct config_inside modbus_port_inside = {
+    .rules = port_rules, .count = PORT_KEYS, .further = &tcp_inside};
 
 static bool is_inactive(const json_t *port)
 {

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* One slave of a port, and the device it becomes. */
 #include "map/time_ns.h"
-#include "modbus/config_loader.h"
+#include "modbus/config_object.h"
+#include "modbus/config_part.h"
 #include "modbus/plan.h"
 
 #include <stdlib.h>
@@ -48,116 +49,130 @@ enum {
 /* The objects of its identification, by their numbers. */
 enum { IDENTIFICATION_KEYS = MODBUS_IDENTITY_OBJECTS };
 #define IDENTIFIED(name, says)                                                                               \
-	{name, CONFIG_TEXT, .low = 1, .high = MODBUS_IDENTITY_TEXT,                                          \
+	{name,                                                                                               \
+	 CONFIG_TEXT,                                                                                        \
+	 .page = true,                                                                                       \
+	 .low = 1,                                                                                           \
+	 .high = MODBUS_IDENTITY_TEXT,                                                                       \
 	 CONFIG_SAYS(says, .pattern = "^[ -~\\u00a0-\\u00ff]*$")},
 static const struct config_rule identification_rules[IDENTIFICATION_KEYS] = {
     MODBUS_IDENTITY_NAMES(IDENTIFIED)};
+static const struct config_inside modbus_identification_inside = {.rules = identification_rules,
+								  .count = IDENTIFICATION_KEYS};
 CONFIG_TABLE(identification_table, .name = "identification", .rules = identification_rules,
 	     .count = IDENTIFICATION_KEYS);
 static const char *const write_functions[] = {"single", "multiple", NULL};
+static const struct config_inside modbus_overrides_inside = {
+    .rules = modbus_object_rules, .count = OBJECT_KEYS, .by_name = true};
 static const struct config_rule slave_rules[SLAVE_KEYS] = {
-    [MODBUS_COILS] = {"coils", CONFIG_ARRAY, .high = CONFIG_POINTS_MAX,
+    [MODBUS_COILS] = {"coils", CONFIG_ARRAY, .page = true, .inside = &modbus_object_inside,
+		      .high = CONFIG_POINTS_MAX,
 		      CONFIG_SAYS("Objects read with function 1 and written with 5 or 15.",
 				  .table = &modbus_coil_table)},
-    [MODBUS_DISCRETE_INPUTS] = {"discrete_inputs", CONFIG_ARRAY, .high = CONFIG_POINTS_MAX,
+    [MODBUS_DISCRETE_INPUTS] = {"discrete_inputs", CONFIG_ARRAY, .page = true,
+				.inside = &modbus_object_inside, .high = CONFIG_POINTS_MAX,
 				CONFIG_SAYS("Objects read with function 2.",
 					    .table = &modbus_discrete_input_table)},
-    [MODBUS_INPUT_REGISTERS] = {"input_registers", CONFIG_ARRAY, .high = CONFIG_POINTS_MAX,
+    [MODBUS_INPUT_REGISTERS] = {"input_registers", CONFIG_ARRAY, .page = true,
+				.inside = &modbus_object_inside, .high = CONFIG_POINTS_MAX,
 				CONFIG_SAYS("Objects read with function 4.",
 					    .table = &modbus_input_register_table)},
-    [MODBUS_HOLDING_REGISTERS] = {"holding_registers", CONFIG_ARRAY, .high = CONFIG_POINTS_MAX,
+    [MODBUS_HOLDING_REGISTERS] = {"holding_registers", CONFIG_ARRAY, .page = true,
+				  .inside = &modbus_object_inside, .high = CONFIG_POINTS_MAX,
 				  CONFIG_SAYS("Objects read with function 3 and written with 6 or 16.",
 					      .table = &modbus_holding_register_table)},
     [SLAVE_DESCRIPTION] =
-	{"description", CONFIG_TEXT, .low = 0, .high = DESCRIPTION_MAX,
+	{"description", CONFIG_TEXT, .page = true, .low = 0, .high = DESCRIPTION_MAX,
 	 CONFIG_SAYS(
 	     "Name of the device in UTF-8, of which the gateway keeps 39 bytes. Without it, p⟨port⟩.⟨id⟩.")},
     [SLAVE_RESPONSE_TIMEOUT] =
-	{"response_timeout_ms", CONFIG_INTEGER, .low = 20, .high = 10000, .fallback = 500,
+	{"response_timeout_ms", CONFIG_INTEGER, .page = true, .low = 20, .high = 10000, .fallback = 500,
 	 CONFIG_SAYS(
 	     "Longest time from the end of a request to the first byte of the answer, in milliseconds.")},
     [SLAVE_RESPONSE_TIMEOUT_MIN] =
-	{"response_timeout_min_ms", CONFIG_INTEGER, .low = 10, .high = 10000, .fallback = 100,
+	{"response_timeout_min_ms", CONFIG_INTEGER, .page = true, .low = 10, .high = 10000, .fallback = 100,
 	 CONFIG_SAYS(
 	     "Milliseconds that are waited for an answer at least, when a shorter time-out was learned. Not "
 	     "above response_timeout_ms; without it, that where it is less than the default.")},
-    [SLAVE_RETRIES] = {"retries", CONFIG_INTEGER, .low = 0, .high = 5, .fallback = 1,
+    [SLAVE_RETRIES] = {"retries", CONFIG_INTEGER, .page = true, .low = 0, .high = 5, .fallback = 1,
 		       CONFIG_SAYS(
 			   "Reads repeated before the device counts as dead. Writes are never repeated.")},
     [SLAVE_PROBE_MAX] =
-	{MODBUS_KEY_PROBE_MAX, CONFIG_INTEGER, .low = 1, .high = UINT8_MAX,
+	{MODBUS_KEY_PROBE_MAX, CONFIG_INTEGER, .page = true, .low = 1, .high = UINT8_MAX,
 	 CONFIG_SAYS("Seconds between two probes of the device while it is dead, at most. Without it, up to "
 		     "60, and as many as keep what they cost below 5 % of the line's time.")},
-    [SLAVE_PERIOD] = {"period_ms", CONFIG_INTEGER, .low = 10, .high = 86400000,
+    [SLAVE_PERIOD] = {"period_ms", CONFIG_INTEGER, .page = true, .low = 10, .high = 86400000,
 		      CONFIG_SAYS("Milliseconds between two reads of the device's objects, where they say "
 				  "nothing else. Without it, they are read in turn.")},
-    [SLAVE_REACTION] = {"reaction_ms", CONFIG_NUMBER, .low = 0.1, .high = 10000,
+    [SLAVE_REACTION] = {"reaction_ms", CONFIG_NUMBER, .page = true, .low = 0.1, .high = 10000,
 			CONFIG_SAYS(
 			    "Milliseconds that the device takes, from the silence behind a request to the "
 			    "first byte of its answer: for the plan of its reads, and for what rtud --check "
 			    "says. Not above response_timeout_ms. Without it, 5 are assumed.",
 			    .json = CONFIG_JSON({"examples" : [ 0.1, 12.5, 500 ]}))},
-    [SLAVE_PAUSE] = {"pause_ms", CONFIG_INTEGER, .low = 0, .high = 10000, .fallback = 0,
+    [SLAVE_PAUSE] = {"pause_ms", CONFIG_INTEGER, .page = true, .low = 0, .high = 10000, .fallback = 0,
 		     CONFIG_SAYS("Milliseconds between the end of the device's answer and the next request "
 				 "to it, at least; others of the line are asked meanwhile. A longer pause "
 				 "that the device needs is learned.",
 				 .see = "limit.md#pauses")},
-    [SLAVE_MAX_BITS] = {"max_bits", CONFIG_INTEGER, .low = 1, .high = READ_BITS_MAX,
+    [SLAVE_MAX_BITS] = {"max_bits", CONFIG_INTEGER, .page = true, .low = 1, .high = READ_BITS_MAX,
 			.fallback = READ_BITS_MAX,
 			CONFIG_SAYS(
 			    "Coils or discrete inputs that one request may read of the device, at most.")},
-    [SLAVE_MAX_REGISTERS] = {"max_registers", CONFIG_INTEGER, .low = 1, .high = READ_REGISTERS_MAX,
-			     .fallback = READ_REGISTERS_MAX,
+    [SLAVE_MAX_REGISTERS] = {"max_registers", CONFIG_INTEGER, .page = true, .low = 1,
+			     .high = READ_REGISTERS_MAX, .fallback = READ_REGISTERS_MAX,
 			     CONFIG_SAYS("Registers that one request may read of the device, at most.")},
-    [SLAVE_HOLES] = {"holes", CONFIG_BOOLEAN, .fallback = true,
+    [SLAVE_HOLES] = {"holes", CONFIG_BOOLEAN, .page = true, .fallback = true,
 		     CONFIG_SAYS(
 			 "A request may read addresses between the objects where that is faster than another "
 			 "request. With false, the device is asked for the objects' addresses only.")},
-    [SLAVE_IDENTIFY] = {"identify", CONFIG_BOOLEAN,
+    [SLAVE_IDENTIFY] = {"identify", CONFIG_BOOLEAN, .page = true,
 			CONFIG_SAYS(
 			    "The device is asked what it is (function 43/14) when it answers for the "
 			    "first time and when it is back. By default only one with identification.",
 			    .see = "configuration.md#what-a-device-is")},
-    [SLAVE_IDENTIFICATION] = {"identification", CONFIG_OBJECT,
+    [SLAVE_IDENTIFICATION] = {"identification", CONFIG_OBJECT, .page = true,
+			      .inside = &modbus_identification_inside,
 			      CONFIG_SAYS("What it shall say that it is. `rtuctl lines` says what differs.",
 					  .table = &identification_table,
 					  .see = "configuration.md#what-a-device-is")},
     [SLAVE_PAGE_ADDRESS] =
-	{"page_address", CONFIG_INTEGER, .low = 0, .high = MODBUS_ADDRESS_LAST,
+	{"page_address", CONFIG_INTEGER, .page = true, .low = 0, .high = MODBUS_ADDRESS_LAST,
 	 CONFIG_SAYS("Modbus address of the holding register that chooses what the device has at the "
 		     "addresses of objects with `page`. The gateway writes it before each read of these.",
 		     .see = "configuration.md#pages", .unset = true)},
     [SLAVE_READ_BACK] =
-	{"read_back", CONFIG_BOOLEAN, .fallback = true,
+	{"read_back", CONFIG_BOOLEAN, .page = true, .fallback = true,
 	 CONFIG_SAYS("What a command has written is read at once, and the command ends with that, where the "
 		     "objects say nothing else. With false, it ends with the device's confirmation.",
 		     .see = "telecontrol.md#without-read-back")},
-    [SLAVE_WRITE_FUNCTION] = {"write_function", CONFIG_CHOICE, .choices = write_functions,
+    [SLAVE_WRITE_FUNCTION] = {"write_function", CONFIG_CHOICE, .page = true, .choices = write_functions,
 			      CONFIG_SAYS("How one coil or one register is written at first: single with "
 					  "function 5 or 6, multiple with 15 or "
 					  "16. After exception 1 (illegal function) it is the other.",
 					  .see = "telecontrol.md#which-function-writes")},
-    [SLAVE_CA] = {"ca", CONFIG_INTEGER, .low = 1, .high = 65534,
+    [SLAVE_CA] = {"ca", CONFIG_INTEGER, .page = true, .low = 1, .high = 65534,
 		  CONFIG_SAYS(
 		      "Common address, which several slaves may share. Without it, 1000 × port + id.")},
     [SLAVE_IOA_OFFSET] =
-	{"ioa_offset", CONFIG_INTEGER, .low = 0, .high = 16777214,
+	{"ioa_offset", CONFIG_INTEGER, .page = true, .low = 0, .high = 16777214,
 	 CONFIG_SAYS(
 	     "Added to the information object address of each of the slave's objects, given or not.")},
     [SLAVE_NAME_PREFIX] =
-	{"name_prefix", CONFIG_TEXT, .low = 0, .high = MAP_NAME_SIZE - 2,
+	{"name_prefix", CONFIG_TEXT, .page = true, .low = 0, .high = MAP_NAME_SIZE - 2,
 	 CONFIG_SAYS(
 	     "Put before each name that an object of the slave has, and before the names of status bits.",
 	     .pattern = "^[^\\u0000-\\u0020\\u007f*?\\[\\]\\\\]*$")},
-    [SLAVE_ID] = {"id", CONFIG_INTEGER, .required = true, .low = MODBUS_BROADCAST, .high = MODBUS_UNIT_MAX,
+    [SLAVE_ID] = {"id", CONFIG_INTEGER, .page = true, .required = true, .low = MODBUS_BROADCAST,
+		  .high = MODBUS_UNIT_MAX,
 		  CONFIG_SAYS("Modbus address, once on a line. 0 is the broadcast: coils and "
 			      "holding_registers only, written and never read.")},
-    [SLAVE_TEMPLATE] = {MODBUS_KEY_TEMPLATE, CONFIG_TEXT, .low = 1, .high = MAP_NAME_SIZE - 1,
+    [SLAVE_TEMPLATE] = {MODBUS_KEY_TEMPLATE, CONFIG_TEXT, .page = true, .low = 1, .high = MAP_NAME_SIZE - 1,
 			CONFIG_SAYS("Name of the template whose keys and objects the slave has; its own keys "
 				    "override those, its own objects are added.",
 				    .see = "configuration.md#templates",
 				    .json = CONFIG_JSON({"examples" : ["meter"]}))},
-    [SLAVE_OVERRIDES] = {"overrides", CONFIG_OBJECT,
+    [SLAVE_OVERRIDES] = {"overrides", CONFIG_OBJECT, .page = true, .inside = &modbus_overrides_inside,
 			 CONFIG_SAYS("By their names in the template: what its objects have differently "
 				     "here, an object of keys; null leaves one out.",
 				     .json = CONFIG_JSON({
@@ -166,6 +181,9 @@ static const struct config_rule slave_rules[SLAVE_KEYS] = {
 					     "examples" : [ {} ]
 				     }))},
 };
+const struct config_inside modbus_slave_inside = {.rules = slave_rules, .count = SLAVE_KEYS};
+const struct config_inside modbus_templates_inside = {
+    .rules = slave_rules, .count = SLAVE_OF_TEMPLATE, .by_name = true};
 CONFIG_SHARED_TABLE(modbus_slave_table, .name = "slave", .rules = slave_rules, .count = SLAVE_KEYS,
 		    .json = CONFIG_JSON({
 			    "if" : {"required" : ["id"], "properties" : {"id" : {"const" : 0}}},
@@ -193,6 +211,7 @@ CONFIG_SHARED_TABLE(modbus_template_table, .name = "template", .rules = slave_ru
 static const struct config_rule tcp_id_rule = {
     "id",
     CONFIG_INTEGER,
+    .page = true,
     .required = true,
     .low = 0,
     .high = UNIT_ITSELF,

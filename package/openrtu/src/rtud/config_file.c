@@ -76,7 +76,7 @@ static const struct config_rule file_rules[FILE_KEYS] = {
 				  .json = CONFIG_JSON(
 				      {"items" : {"type" : "string", "minLength" : 1}, "examples" : [[]]}))},
     [FILE_TEMPLATES] =
-	{CONFIG_KEY_TEMPLATES, CONFIG_OBJECT,
+	{CONFIG_KEY_TEMPLATES, CONFIG_OBJECT, .page = true, .inside = &modbus_templates_inside,
 	 CONFIG_SAYS(
 	     "Devices that are described once, by name. Each is a slave without its id.",
 	     .see = "configuration.md#templates", .forms = CONFIG_FORMS(&modbus_template_table),
