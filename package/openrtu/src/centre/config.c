@@ -577,7 +577,7 @@ enum centre_config_result centre_config_load(const char *path, struct centre_con
 	enum centre_config_result result = CENTRE_CONFIG_UNREADABLE;
 
 	memset(config, 0, sizeof(*config));
-	if (config_read_files(&loader, path)) {
+	if (config_read_files(&loader, path, NULL)) {
 		read_file(&loader.report, loader.files[0].root, config);
 		config_report_end(&loader.report);
 		result = loader.report.errors == 0 ? CENTRE_CONFIG_GOOD : CENTRE_CONFIG_WRONG;

@@ -296,7 +296,7 @@ void *config_allocate(uint32_t count, size_t size)
 	return calloc(count > 0 ? count : 1, size);
 }
 
-bool config_read_files(struct config_loader *loader, const char *path)
+bool config_read_files(struct config_loader *loader, const char *path, const char *instead)
 {
 	struct config_file *file = &loader->files[0];
 	char reason[REASON_SIZE];
@@ -309,7 +309,7 @@ bool config_read_files(struct config_loader *loader, const char *path)
 		config_out_of_memory(&loader->report);
 		return false;
 	}
-	if (!take_text(loader, open(path, O_RDONLY | O_CLOEXEC), false, reason)) {
+	if (!take_text(loader, open(instead != NULL ? instead : path, O_RDONLY | O_CLOEXEC), false, reason)) {
 		fprintf(loader->report.messages, "%s: %s\n", path, reason);
 		return false;
 	}

@@ -77,8 +77,11 @@ static inline void config_take_ln(struct config_loader *loader, const struct con
 /* An array of zeros, of at least one element, so that NULL means no memory. */
 void *config_allocate(uint32_t count, size_t size);
 
-/* Reads the file that was asked for, what it includes, and the templates of all. False: it is not JSON or not readable. */
-bool config_read_files(struct config_loader *loader, const char *path);
+/*
+ * Reads the file that was asked for, what it includes, and the templates of all. instead: another file, whose text is read in its
+ * place; NULL: none. False: it is not JSON or not readable.
+ */
+bool config_read_files(struct config_loader *loader, const char *path, const char *instead);
 void config_free_files(struct config_loader *loader);
 /* Says what is wrong with the outermost keys of files that are included. */
 void config_check_included(struct config_loader *loader);

@@ -47,13 +47,34 @@ static bool has_its_form(const json_t *json, const struct config_rule *rule)
 								    : json_is_array(json);
 }
 
-static bool has_locked_value(const json_t *json, const struct config_rule *rule)
+static bool has_locked_element(const json_t *array, const struct config_inside *inside)
 {
 	const json_t *element;
-	const char *name;
-	json_t *named;
 	size_t i;
 
+	json_array_foreach(array, i, element)
+	{
+		if (has_locked_key(element, inside))
+			return true;
+	}
+	return false;
+}
+
+static bool has_locked_name(const json_t *object, const struct config_inside *inside)
+{
+	const char *name;
+	json_t *value;
+
+	json_object_foreach((json_t *)object, name, value)
+	{
+		if (has_locked_key(value, inside))
+			return true;
+	}
+	return false;
+}
+
+static bool has_locked_value(const json_t *json, const struct config_rule *rule)
+{
 	if (rule == NULL || !rule->page)
 		return true;
 	if (rule->inside == NULL)
@@ -61,20 +82,9 @@ static bool has_locked_value(const json_t *json, const struct config_rule *rule)
 	if (!has_its_form(json, rule))
 		return true;
 	if (rule->inside->by_name)
-		json_object_foreach((json_t *)json, name, named)
-		{
-			if (has_locked_key(named, rule->inside))
-				return true;
-		}
-	else if (rule->kind == CONFIG_OBJECT)
-		return has_locked_key(json, rule->inside);
-	else
-		json_array_foreach(json, i, element)
-		{
-			if (has_locked_key(element, rule->inside))
-				return true;
-		}
-	return false;
+		return has_locked_name(json, rule->inside);
+	return rule->kind == CONFIG_OBJECT ? has_locked_key(json, rule->inside)
+					   : has_locked_element(json, rule->inside);
 }
 
 /* ---- what differs ------------------------------------------------------------------------ */

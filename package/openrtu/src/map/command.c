@@ -28,7 +28,7 @@ static void ring_own_bell_for_the_rest(const struct map *map)
 static bool is_for_rtud(uint8_t action)
 {
 	return action == MAP_SET_CLOCK || action == MAP_RESTART || action == MAP_MODULE ||
-	       action == MAP_RELOAD || action == MAP_FORCE;
+	       action == MAP_RELOAD || action == MAP_FORCE || action == MAP_SETUP;
 }
 
 /* ---- requester --------------------------------------------------------------------------- */
@@ -156,13 +156,22 @@ static bool is_listed(const struct map *map, const struct map_module_plan *plan,
 	return false;
 }
 
+static bool is_allowed(const struct map *map, const struct map_module_plan *plan,
+		       const struct map_request *request)
+{
+	if (request->action == MAP_SETUP)
+		return (plan->flags & MAP_ASKS_SETUP) != 0;
+	if (!(plan->flags & MAP_REQUESTS_LISTED))
+		return true;
+	return request->action <= MAP_RELEASE && is_listed(map, plan, request->point);
+}
+
 /* What a library refuses its module may come all the same, from a module that does without the library. */
 static bool may_request(struct map *map, uint32_t requester, const struct map_request *request)
 {
 	const struct map_module_plan *plan = &map->modules[requester].plan;
-	const bool command = request->action <= MAP_RELEASE;
 
-	if (!(plan->flags & MAP_REQUESTS_LISTED) || (command && is_listed(map, plan, request->point)))
+	if (is_allowed(map, plan, request))
 		return true;
 	if (!(map->refused & map_module_bit(requester)))
 		map_log(map, MAP_LOG_WARNING, "%s requests what it may not", plan->name);

@@ -153,6 +153,7 @@ enum map_module_flag {
 	MAP_TAKES_PART =
 	    1u << 9, /* in the net: who coordinates it has mapped its segment, and knows its words */
 	MAP_SHOWS_SCANS = 1u << 10, /* its own section begins with a struct map_scans */
+	MAP_ASKS_SETUP = 1u << 11,  /* with MAP_MAY_REQUEST: may ask rtud for MAP_SETUP */
 };
 
 /* How many records each ring of a segment holds: a power of two; 1 where its module never writes one. */
@@ -231,6 +232,7 @@ struct map_config {
 	uint32_t module_count;           /* MAP_MODULES_MAX at most */
 	struct map_section sections[MAP_SECTIONS_MAX];
 	uint32_t section_count;
+	uint32_t text; /* hash of the file's text; not in the map */
 };
 
 /*

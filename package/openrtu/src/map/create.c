@@ -409,7 +409,7 @@ static bool ends_with(const char *name, const char *end)
 static bool is_of_the_map(const char *name)
 {
 	return ends_with(name, ".seg") || ends_with(name, ".bell") || ends_with(name, ".config") ||
-	       strcmp(name, MAP_REPORT) == 0;
+	       strcmp(name, MAP_REPORT) == 0 || strncmp(name, MAP_SETUP_FILES, strlen(MAP_SETUP_FILES)) == 0;
 }
 
 void map_sweep(int directory_fd, const char *mark)

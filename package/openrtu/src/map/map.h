@@ -27,6 +27,7 @@
 #define MAP_ERROR_SIZE              256
 #define MAP_PATH_SIZE               256 /* of the path in the section of who asks for MAP_RELOAD; empty: rtud's file */
 #define MAP_REPORT                  "rtud.report" /* in the map's folder: what came of it */
+#define MAP_SETUP_FILES             "setup."      /* begin the names of those of MAP_SETUP */
 #define MAP_HEARTBEAT_PERIOD_MS     25   /* how often a module that owns points calls map_heartbeat */
 #define MAP_HEARTBEAT_LIMIT_MS      100  /* an owner silent for longer has no valid points; configurable */
 #define MAP_IDLE_HEARTBEAT_LIMIT_MS 5000 /* the same for a module without points: it may sleep */
@@ -328,6 +329,7 @@ enum map_action {
 	MAP_RELOAD, /* to rtud, by who acts on site: the file that his section names; detail 1: only to check it */
 	MAP_MODULE, /* to rtud, by a module that acts for people on site: point is a module, detail enum map_wish */
 	MAP_FORCE, /* to rtud, by such a module: point shows value for hold_ms; 0: it is no longer forced */
+	MAP_SETUP, /* to rtud, by a module that MAP_ASKS_SETUP: what its section says, detail is enum setup_wish */
 };
 
 /* What rtud shall do with a module's process. One that is stopped stays so until it is started, or rtud is. */

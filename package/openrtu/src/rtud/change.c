@@ -436,7 +436,10 @@ static bool load(const struct change_plan *plan, const struct map *before, struc
 {
 	if (plan->path == NULL)
 		return copy_config(before, out);
-	return config_load(plan->path, plan->modules, out, report) == CONFIG_GOOD;
+	if (config_load(plan->path, plan->instead, plan->modules, out, report) != CONFIG_GOOD)
+		return false;
+	*plan->text = out->text;
+	return true;
 }
 
 static bool plan_now(const struct change *change)

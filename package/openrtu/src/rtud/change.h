@@ -20,7 +20,9 @@ enum change_result {
 };
 
 struct change_plan {
-	const char *path; /* of the configuration; NULL: the one before the map's goes back into force */
+	const char *path;    /* of the configuration; NULL: the one before the map's goes back into force */
+	const char *instead; /* another file, whose text is read in its place; NULL: none */
+	uint32_t *text;      /* takes the hash of its text */
 	struct config_modules modules; /* of this build */
 	const char *map;               /* folder of the map */
 	uint32_t group;                /* of the map's files */

@@ -5,6 +5,7 @@
 
 #include "journal/config.h"
 #include "journal/wear.h"
+#include "map/hash.h"
 #include "map/heap.h"
 #include "modbus/config.h"
 #include "modbus/limit.h"
@@ -30,14 +31,19 @@ static enum config_result build(struct rtud_loader *loader, const json_t *root, 
 }
 
 /* Fills the loader's config. Its files and entries are there until end. */
-static enum config_result load(struct rtud_loader *loader, const char *path, struct config_modules modules)
+static enum config_result load(struct rtud_loader *loader, const char *path, const char *instead,
+			       struct config_modules modules)
 {
 	struct config_loader *files = &loader->files;
 	enum config_result result = CONFIG_UNUSABLE;
 
 	*files->config = (struct map_config){.set_count = 0};
-	if (config_read_files(files, path))
+	if (config_read_files(files, path, instead)) {
+		const struct config_source *source = &files->report.source;
+
+		files->config->text = map_hash_octets(MAP_HASH_BASIS, source->text, source->length);
 		result = build(loader, files->files[0].root, modules);
+	}
 	config_report_end(&files->report);
 	if (result != CONFIG_GOOD)
 		config_free(files->config);
@@ -67,15 +73,15 @@ static struct rtud_loader *begin(struct map_config *out, FILE *messages)
 	return loader;
 }
 
-enum config_result config_load(const char *path, struct config_modules modules, struct map_config *out,
-			       FILE *messages)
+enum config_result config_load(const char *path, const char *instead, struct config_modules modules,
+			       struct map_config *out, FILE *messages)
 {
 	struct rtud_loader *loader = begin(out, messages);
 	enum config_result result;
 
 	if (loader == NULL)
 		return CONFIG_UNUSABLE;
-	result = load(loader, path, modules);
+	result = load(loader, path, instead, modules);
 	end(loader);
 	return result;
 }
@@ -88,7 +94,7 @@ int config_points(const char *path, struct config_modules modules, enum config_l
 
 	if (loader == NULL)
 		return CONFIG_UNUSABLE;
-	result = load(loader, path, modules);
+	result = load(loader, path, NULL, modules);
 	if (result == CONFIG_GOOD && !config_list_points(loader, list, stdout)) {
 		fputs("out of memory\n", stderr);
 		result = CONFIG_UNUSABLE;

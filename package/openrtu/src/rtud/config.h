@@ -24,11 +24,11 @@ struct config_modules {
 };
 
 /*
- * Reads the file into out, whose arrays the caller frees with config_free. Every error becomes one line in messages, with its
+ * Reads the file into out, whose arrays the caller frees with config_free; instead: as in config/files.h. Every error becomes one line in messages, with its
  * place and what was expected. Anything but CONFIG_GOOD leaves out empty.
  */
-enum config_result config_load(const char *path, struct config_modules modules, struct map_config *out,
-			       FILE *messages);
+enum config_result config_load(const char *path, const char *instead, struct config_modules modules,
+			       struct map_config *out, FILE *messages);
 void config_free(struct map_config *config);
 
 /*

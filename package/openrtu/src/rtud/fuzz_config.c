@@ -133,7 +133,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	snprintf(path, sizeof(path), "/proc/self/fd/%d", fd);
 	rewind(messages);
 	before = ftell(messages);
-	result = config_load(path, all, &config, messages);
+	result = config_load(path, NULL, all, &config, messages);
 	if (result == CONFIG_GOOD) {
 		check_settings(&config);
 		check_order(&config);

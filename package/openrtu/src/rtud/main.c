@@ -198,7 +198,7 @@ static int run(const struct arguments *arguments)
 {
 	struct supervise_options options = arguments->supervise;
 	struct map_config config;
-	enum config_result result = config_load(arguments->file, modules, &config, stderr);
+	enum config_result result = config_load(arguments->file, NULL, modules, &config, stderr);
 	int code;
 
 	if (result != CONFIG_GOOD)
@@ -214,7 +214,7 @@ static int run(const struct arguments *arguments)
 static int check(const struct arguments *arguments)
 {
 	struct map_config config;
-	int result = config_load(arguments->file, modules, &config, stderr);
+	int result = config_load(arguments->file, NULL, modules, &config, stderr);
 
 	if (result == CONFIG_GOOD && !plan_modules(&config, arguments->supervise.map, stderr))
 		result = CONFIG_WRONG;

@@ -20,6 +20,7 @@
 #include "rtud/compare.h"
 #include "rtud/kinds.h"
 #include "rtud/process.h"
+#include "rtud/setup.h"
 #include "rtud/start.h"
 
 #define START_MS  10000 /* a new process that has not attached by then does not come up */
@@ -37,7 +38,8 @@ static void log_line(const struct supervisor *supervisor, enum map_log_level lev
 
 static void report_path(const struct supervisor *supervisor, char path[PATH_MAX])
 {
-	snprintf(path, PATH_MAX, "%s/" MAP_REPORT, supervisor->options->map);
+	snprintf(path, PATH_MAX, "%s/%s", supervisor->options->map,
+		 supervisor->reload.job != SETUP_NO_JOB ? SETUP_REPORT : MAP_REPORT);
 }
 
 static FILE *open_report(const struct supervisor *supervisor, const char *mode)
@@ -77,6 +79,17 @@ static void print_report(const struct supervisor *supervisor)
 		fclose(report);
 }
 
+/* What led to it stays said. */
+static bool goes_back(const struct reload *reload)
+{
+	return reload->back || reload->job == SETUP_JOB_BACK;
+}
+
+static bool is_dry(const struct reload *reload)
+{
+	return reload->job == SETUP_JOB_CHECK || (reload->asked && reload->request.detail != 0);
+}
+
 /* ---- its end ------------------------------------------------------------------------------- */
 
 static void drop_map(struct map **map)
@@ -100,6 +113,8 @@ static void kill_incoming(struct supervisor *supervisor)
 static void finish(struct supervisor *supervisor, enum map_command_result result, const char *text)
 {
 	struct reload *reload = &supervisor->reload;
+	const enum setup_job job = reload->job;
+	const bool dry = is_dry(reload);
 
 	if (text != NULL) {
 		log_line(supervisor, result == MAP_RESULT_DONE ? MAP_LOG_INFO : MAP_LOG_ERROR, text);
@@ -107,11 +122,15 @@ static void finish(struct supervisor *supervisor, enum map_command_result result
 	}
 	if (reload->asked)
 		map_request_answer(supervisor->map, &reload->request, result);
-	else
+	else if (job == SETUP_NO_JOB)
 		print_report(supervisor);
 	drop_map(&reload->next);
 	drop_map(&reload->former);
 	*reload = (struct reload){.phase = RELOAD_IDLE};
+	if (job != SETUP_NO_JOB)
+		setup_reloaded(supervisor, result == MAP_RESULT_DONE);
+	else if (result == MAP_RESULT_DONE && !dry)
+		supervisor->setup.in_force = supervisor->setup.told->text;
 }
 
 static map_modules ending(const struct reload *reload)
@@ -165,25 +184,33 @@ void reload_cancel(struct supervisor *supervisor)
 __attribute__((noreturn)) static void prepare(const struct supervisor *supervisor, pid_t parent)
 {
 	const struct reload *reload = &supervisor->reload;
-	const struct change_plan plan = {
+	struct change_plan plan = {
 	    .path = reload->back ? NULL : reload->path,
+	    .text = &supervisor->setup.told->text,
 	    .map = supervisor->options->map,
 	    .modules = supervisor->options->build,
 	    .group = supervisor->options->uid_base,
-	    .dry = reload->asked && reload->request.detail != 0,
+	    .dry = is_dry(reload),
 	};
-	FILE *report = open_report(supervisor, reload->back ? "a" : "w");
+	FILE *report = open_report(supervisor, goes_back(reload) ? "a" : "w");
+	enum setup_verdict verdict = SETUP_READ;
 	enum change_result result = CHANGE_REFUSED;
+	char instead[PATH_MAX];
 
 	prctl(PR_SET_PDEATHSIG, SIGKILL);
 	if (getppid() != parent)
 		_exit(CHANGE_REFUSED);
 	process_set_priority(0, 0);
-	if (report != NULL) {
-		result = change_prepare(supervisor->map, reload->former, &plan, report);
-		fclose(report);
+	if (report != NULL && reload->job != SETUP_NO_JOB && !reload->back) {
+		verdict = setup_prepare(supervisor, reload->job, instead, report);
+		plan.instead = instead;
+		plan.dry |= verdict != SETUP_READ;
 	}
-	_exit(result);
+	if (report != NULL && verdict != SETUP_REFUSED)
+		result = change_prepare(supervisor->map, reload->former, &plan, report);
+	if (report != NULL)
+		fclose(report);
+	_exit(verdict == SETUP_READ ? result : CHANGE_REFUSED);
 }
 
 static void begin(struct supervisor *supervisor)
@@ -202,7 +229,7 @@ static void begin(struct supervisor *supervisor)
 
 void reload_again(struct supervisor *supervisor)
 {
-	if (supervisor->reload.phase != RELOAD_IDLE) {
+	if (supervisor->reload.phase != RELOAD_IDLE || setup_holds(supervisor)) {
 		log_line(supervisor, MAP_LOG_WARNING, "SIGHUP is ignored: a configuration is being changed");
 		return;
 	}
@@ -218,7 +245,8 @@ void reload_take(struct supervisor *supervisor, const struct map_request *reques
 	struct map_module requester;
 
 	map_module(supervisor->map, request->requester, &requester);
-	if (!(requester.flags & MAP_IS_LOCAL) || path == NULL || reload->phase != RELOAD_IDLE) {
+	if (!(requester.flags & MAP_IS_LOCAL) || path == NULL || reload->phase != RELOAD_IDLE ||
+	    setup_holds(supervisor)) {
 		map_request_answer(supervisor->map, request, MAP_RESULT_NOT_COMMANDABLE);
 		return;
 	}
@@ -228,6 +256,13 @@ void reload_take(struct supervisor *supervisor, const struct map_request *reques
 	reload->path = reload->asked_path[0] ? reload->asked_path : supervisor->options->file;
 	map_log(supervisor->map, MAP_LOG_INFO, "%s: %s the configuration %.60s", requester.name,
 		request->detail ? "checks" : "reads", reload->path);
+	begin(supervisor);
+}
+
+void reload_propose(struct supervisor *supervisor, enum setup_job job)
+{
+	supervisor->reload.job = job;
+	supervisor->reload.path = supervisor->options->file;
 	begin(supervisor);
 }
 

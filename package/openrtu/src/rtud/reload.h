@@ -11,6 +11,7 @@
 #include <sys/types.h>
 
 #include "map/map.h"
+#include "rtud/setup.h"
 
 struct supervisor;
 
@@ -27,8 +28,9 @@ struct reload {
 	enum reload_phase phase;
 	bool asked; /* by a request, which waits for its answer */
 	struct map_request request;
-	bool back;        /* the former configuration comes into force again */
-	const char *path; /* of the file that is read */
+	enum setup_job job; /* of the page's proposal; SETUP_NO_JOB: a file as it is */
+	bool back;          /* the former configuration comes into force again */
+	const char *path;   /* of the file that is read */
 	char asked_path[MAP_PATH_SIZE];
 	pid_t worker;
 	int worker_status;
@@ -46,6 +48,8 @@ struct reload {
 void reload_again(struct supervisor *supervisor);
 /* A request to read a file that the requester names in its section; detail 1: only to say what would change. */
 void reload_take(struct supervisor *supervisor, const struct map_request *request);
+/* Reads what the page proposes, or the file that was before it: no phase but RELOAD_IDLE. */
+void reload_propose(struct supervisor *supervisor, enum setup_job job);
 /* Does what can be done now. */
 void reload_step(struct supervisor *supervisor);
 /* A process has ended. True: it was one of a reload, which knows what to do. */

@@ -17,7 +17,7 @@ static enum config_result print(const struct map_config *config, struct cid_form
 int scl_print(const char *path, struct config_modules modules, struct cid_form form)
 {
 	struct map_config config;
-	enum config_result result = config_load(path, modules, &config, stderr);
+	enum config_result result = config_load(path, NULL, modules, &config, stderr);
 
 	if (result == CONFIG_GOOD && iec61850_settings(&config) == NULL) {
 		fprintf(stderr, "%s: has no object \"iec61850\", and so no server to describe: add one\n",

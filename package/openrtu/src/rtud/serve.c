@@ -88,6 +88,8 @@ void serve_requests(struct supervisor *supervisor)
 			take_wish(supervisor, &request);
 		else if (request.action == MAP_RELOAD)
 			reload_take(supervisor, &request);
+		else if (request.action == MAP_SETUP)
+			setup_take(supervisor, &request);
 		else if (request.action == MAP_FORCE)
 			force_take(supervisor->map, &request);
 	}

@@ -139,7 +139,7 @@ static void reap(struct supervisor *supervisor)
 	int status;
 
 	while ((pid = waitpid(-1, &status, WNOHANG)) > 0) {
-		if (reload_reap(supervisor, pid, status))
+		if (reload_reap(supervisor, pid, status) || setup_reap(supervisor, pid, status))
 			continue;
 		for (uint32_t i = 0; i < map_module_count(supervisor->map); i++)
 			if (supervisor->children[i].pid == pid)
@@ -424,6 +424,7 @@ static void loop(struct supervisor *supervisor, int epoll, int signals, int tick
 		reap(supervisor);
 		serve_requests(supervisor);
 		reload_step(supervisor);
+		setup_step(supervisor);
 		reset_modules(supervisor);
 		watch_modules(supervisor);
 	}
@@ -535,6 +536,10 @@ int supervise(struct map_config *config, const struct supervise_options *options
 	bool started;
 
 	supervisor.options = options;
+	if (!setup_begin(&supervisor, config->text)) {
+		perror("rtud");
+		return 1;
+	}
 	if (!plan(config, options))
 		return 1;
 	if (map_create(&supervisor.map, options->map, config, options->uid_base, error) < 0) {

@@ -47,6 +47,7 @@ struct supervisor {
 	int64_t reset_at_ns;   /* all modules are restarted then; 0: no */
 	int64_t reset_ns;      /* when they were last */
 	struct reload reload;
+	struct setup setup;
 };
 
 #endif

@@ -31,7 +31,7 @@ static enum config_result load_with(struct config_modules modules, const char *t
 	for (const char *c = text; *c != '\0'; c++)
 		assert_int_equal(write(file, *c == '\'' ? "\"" : c, 1), 1);
 	snprintf(path, sizeof(path), "/proc/self/fd/%d", file);
-	result = config_load(path, modules, config, messages);
+	result = config_load(path, NULL, modules, config, messages);
 	close(file);
 	return result;
 }

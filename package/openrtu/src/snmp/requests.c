@@ -32,6 +32,7 @@ static void take(struct snmp_agent *agent, const struct map_answer *answer)
 	case MAP_RELOAD:
 	case MAP_MODULE:
 	case MAP_FORCE:
+	case MAP_SETUP:
 		break;
 	}
 }
