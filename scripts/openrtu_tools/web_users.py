@@ -16,7 +16,7 @@ from urllib.parse import quote
 
 from nuc980.errors import UnusableInput
 
-ROLES = ("viewer", "operator", "engineer")
+ROLES = ("viewer", "operator", "engineer", "installer")
 SHORTEST = 10  # characters of a password
 # RFC 7914: 8 MiB for as long as a login takes, which a gateway with 64 MiB has.
 N, R, P = 8192, 8, 1

@@ -118,10 +118,13 @@ class Client:
             self.connection = http.client.HTTPSConnection("127.0.0.1", self.port, context=context, **more)
 
     def ask(self, path: str, body: Any = None, method: str = "", **headers: str) -> Answer:
+        text = None if body is None else json.dumps(body)
+        return self.ask_text(path, text, method, **headers)
+
+    def ask_text(self, path: str, body: str | None, method: str = "", **headers: str) -> Answer:
         sent = {"Cookie": self.cookie} if self.cookie else {}
         if body is not None:
             sent |= {"Content-Type": "application/json", "X-CSRF-Token": self.csrf}
-            body = json.dumps(body)
         sent |= {name.replace("_", "-"): text for name, text in headers.items()}
         method = method or ("GET" if body is None else "POST")
         try:

@@ -20,6 +20,7 @@ struct web_settings {
 	uint32_t session_s;
 	uint16_t port;
 	bool commands; /* operators may command */
+	bool setup;    /* installers may change lines, devices and points */
 };
 
 /* NULL: there is no page. */

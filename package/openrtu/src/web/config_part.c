@@ -24,6 +24,7 @@ enum {
 	WEB_KEY,
 	WEB_SESSION,
 	WEB_COMMANDS,
+	WEB_SETUP,
 	WEB_KEYS
 };
 static const struct config_rule rules[WEB_KEYS] = {
@@ -56,6 +57,11 @@ static const struct config_rule rules[WEB_KEYS] = {
 	{"commands", CONFIG_BOOLEAN,
 	 CONFIG_SAYS(
 	     "Whether operators and engineers may command points; without it, the page is read-only.")},
+    [WEB_SETUP] = {"setup", CONFIG_BOOLEAN,
+		   CONFIG_SAYS(
+		       "Whether installers may change lines, devices, points and periods of this file; "
+		       "the page itself may never change this.",
+		       .see = "web.md#set-up")},
 };
 CONFIG_TABLE(web_table, .name = "web", .rules = rules, .count = WEB_KEYS,
 	     .json = CONFIG_JSON({"dependentRequired" : {"certificate" : ["key"], "key" : ["certificate"]}}));
@@ -105,6 +111,7 @@ static void read_settings(struct config_loader *loader, const struct config_plac
 	settings->port = (uint16_t)values[WEB_PORT].integer;
 	settings->session_s = (uint32_t)values[WEB_SESSION].integer;
 	settings->commands = values[WEB_COMMANDS].integer != 0;
+	settings->setup = values[WEB_SETUP].integer != 0;
 	snprintf(settings->station, sizeof(settings->station), "%s",
 		 values[WEB_STATION].given ? values[WEB_STATION].text : STATION_DEFAULT);
 	read_path(loader, place, WEB_USERS, &values[WEB_USERS], USERS_DEFAULT, settings->users);

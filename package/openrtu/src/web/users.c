@@ -8,11 +8,22 @@
 
 enum { NAME, ROLE, ALGORITHM, N, R, P, SALT, HASH, SECRET, WORDS };
 
-static const char *const roles[] = {"viewer", "operator", "engineer"};
+/* The installer's are those of IEC 62351-8: who sets a gateway up commands nothing by that. */
+static const char *const roles[] = {[WEB_VIEWER] = "viewer",
+				    [WEB_OPERATOR] = "operator",
+				    [WEB_ENGINEER] = "engineer",
+				    [WEB_INSTALLER] = "installer"};
+static const unsigned rights[] = {
+    [WEB_OPERATOR] = WEB_COMMANDS, [WEB_ENGINEER] = WEB_COMMANDS, [WEB_INSTALLER] = WEB_SETS_UP};
 
 const char *web_role_name(uint8_t role)
 {
 	return role < sizeof(roles) / sizeof(roles[0]) ? roles[role] : "?";
+}
+
+bool web_role_may(uint8_t role, enum web_right right)
+{
+	return role < sizeof(rights) / sizeof(rights[0]) && (rights[role] & right) == right;
 }
 
 static bool split(char *line, const char *words[WORDS])

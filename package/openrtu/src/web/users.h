@@ -20,8 +20,9 @@
 #define WEB_MEMORY_MAX (16u << 20) /* octets that a hash may take */
 #define WEB_EFFORT_MAX 4           /* times as long as one that takes that */
 
-/* What a user may do; each may what the one before may. */
-enum web_role { WEB_VIEWER, WEB_OPERATOR, WEB_ENGINEER };
+enum web_role { WEB_VIEWER, WEB_OPERATOR, WEB_ENGINEER, WEB_INSTALLER };
+/* What a user may do besides looking. */
+enum web_right { WEB_LOOKS = 0, WEB_COMMANDS = 1u << 0, WEB_SETS_UP = 1u << 1 };
 
 struct web_user {
 	char name[WEB_USER_SIZE];
@@ -42,5 +43,6 @@ bool web_user_read(char line[WEB_LINE_SIZE], struct web_user *out);
  */
 bool web_user_find(FILE *file, const char *name, struct web_user *out, unsigned *wrong);
 const char *web_role_name(uint8_t role);
+bool web_role_may(uint8_t role, enum web_right right);
 
 #endif

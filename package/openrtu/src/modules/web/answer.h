@@ -26,6 +26,7 @@ struct http_request {
 /* What an answer is made of; of the whole process. */
 struct http_site {
 	struct map *map;
+	const char *map_folder;
 	const struct web_settings *settings;
 	struct web_stats *stats;
 	struct web_sessions sessions;

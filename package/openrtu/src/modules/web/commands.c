@@ -66,7 +66,7 @@ static void fail(struct http_site *site, struct order *order, enum map_command_r
 	end(site, order, states[order->action], (uint8_t)result, 0);
 }
 
-static void take(struct http_site *site, const struct map_answer *answer)
+void commands_take_answer(struct http_site *site, const struct map_answer *answer)
 {
 	for (unsigned i = 0; i < ORDERS_MAX; i++) {
 		struct order *order = &orders[i];
@@ -93,12 +93,6 @@ static bool owner_is_the_same(const struct http_site *site, const struct order *
 
 void commands_tick(struct http_site *site)
 {
-	struct map_answer answer;
-
-	if (!site->settings->commands)
-		return;
-	while (map_answer_next(site->map, &answer))
-		take(site, &answer);
 	for (unsigned i = 0; i < ORDERS_MAX; i++) {
 		struct order *order = &orders[i];
 

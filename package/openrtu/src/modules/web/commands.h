@@ -13,7 +13,9 @@ http_route command_order;
 /* number: what has become of it. */
 http_route command_state;
 
-/* Takes answers, and the end of those who should have given some. */
+/* An answer of a point's owner. */
+void commands_take_answer(struct http_site *site, const struct map_answer *answer);
+/* The end of those who should have given one. */
 void commands_tick(struct http_site *site);
 /* Points have other numbers now. */
 void commands_renew(struct http_site *site, const struct map_config *before);

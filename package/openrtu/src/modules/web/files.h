@@ -7,6 +7,7 @@
 
 struct web_file {
 	const char *path, *type;
+	const char *packed; /* how; NULL: it is not */
 	const unsigned char *octets;
 	size_t size;
 };

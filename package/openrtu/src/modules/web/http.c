@@ -10,6 +10,7 @@
 #include "modules/web/files.h"
 #include "modules/web/lists.h"
 #include "modules/web/login.h"
+#include "modules/web/proposals.h"
 
 #define REQUEST_MEMORY  8192 /* octets of a request's head and of what of its answer is written at a time */
 #define SILENT_S        60   /* the front's limit comes first */
@@ -20,9 +21,10 @@
 struct route {
 	const char *path;
 	http_route *make;
-	bool posted;  /* changes something: wants POST and, of a session, its token */
-	bool open;    /* also to who is not logged in */
-	uint8_t role; /* the least */
+	bool posted;    /* changes something: wants POST and, of a session, its token */
+	bool open;      /* also to who is not logged in */
+	bool long_body; /* of a configuration */
+	enum web_right right;
 };
 
 static const struct route routes[] = {
@@ -37,8 +39,19 @@ static const struct route routes[] = {
     {.path = "/api/events", .make = list_events},
     {.path = "/api/log", .make = list_log},
     {.path = "/api/frames", .make = list_frames},
-    {.path = "/api/command", .make = command_state, .role = WEB_OPERATOR},
-    {.path = "/api/order", .make = command_order, .posted = true, .role = WEB_OPERATOR},
+    {.path = "/api/command", .make = command_state, .right = WEB_COMMANDS},
+    {.path = "/api/order", .make = command_order, .posted = true, .right = WEB_COMMANDS},
+    {.path = "/api/setup", .make = setup_state, .right = WEB_SETS_UP},
+    {.path = "/api/setup/text", .make = setup_text, .right = WEB_SETS_UP},
+    {.path = "/api/setup/show", .make = setup_show, .posted = true, .right = WEB_SETS_UP},
+    {.path = "/api/setup/check",
+     .make = setup_check,
+     .posted = true,
+     .long_body = true,
+     .right = WEB_SETS_UP},
+    {.path = "/api/setup/apply", .make = setup_apply, .posted = true, .right = WEB_SETS_UP},
+    {.path = "/api/setup/confirm", .make = setup_confirm, .posted = true, .right = WEB_SETS_UP},
+    {.path = "/api/setup/return", .make = setup_return, .posted = true, .right = WEB_SETS_UP},
 };
 
 static struct http_site *site;
@@ -81,19 +94,33 @@ static bool is_of_the_page(const struct http_request *request)
 	return request->session == NULL || (token != NULL && web_same_secret(request->session->csrf, token));
 }
 
-static struct http_answer answer_to(const struct route *route, struct http_request *request)
+/* True: it is said why not. */
+static bool refuse(const struct route *route, struct http_request *request, struct http_answer *answer)
 {
 	find_session(request);
 	if (route->open)
 		request->session = NULL; /* who logs in is nobody yet */
-	else if (request->session == NULL)
-		return answer_refusal(MHD_HTTP_UNAUTHORIZED, "login", "log in first");
-	if (route->posted && !is_of_the_page(request))
-		return answer_refusal(MHD_HTTP_FORBIDDEN, "csrf",
-				      "this did not come from the page: load it again");
-	if (request->session != NULL && request->session->role < route->role)
-		return answer_refusal(MHD_HTTP_FORBIDDEN, "role", "your role may not do this");
-	return route->make(site, request);
+	if (!route->open && request->session == NULL)
+		*answer = answer_refusal(MHD_HTTP_UNAUTHORIZED, "login", "log in first");
+	else if (route->posted && !is_of_the_page(request))
+		*answer = answer_refusal(MHD_HTTP_FORBIDDEN, "csrf",
+					 "this did not come from the page: load it again");
+	else if (request->session != NULL && !web_role_may(request->session->role, route->right))
+		*answer = answer_refusal(MHD_HTTP_FORBIDDEN, "role", "your role may not do this");
+	else if (route->right == WEB_SETS_UP && !site->settings->setup)
+		*answer = answer_refusal(
+		    MHD_HTTP_FORBIDDEN, "off",
+		    "set-up is off: \"setup\": true in \"web\" lets installers change the configuration");
+	else
+		return false;
+	return true;
+}
+
+static struct http_answer answer_to(const struct route *route, struct http_request *request)
+{
+	struct http_answer answer;
+
+	return refuse(route, request, &answer) ? answer : route->make(site, request);
 }
 
 /* ---- the library's side ------------------------------------------------------------------ */
@@ -147,6 +174,8 @@ static struct http_answer answer_with_file(const char *path)
 	answer.response = MHD_create_response_from_buffer(file->size, (void *)(uintptr_t)file->octets,
 							  MHD_RESPMEM_PERSISTENT);
 	MHD_add_response_header(answer.response, MHD_HTTP_HEADER_CONTENT_TYPE, file->type);
+	if (file->packed != NULL)
+		MHD_add_response_header(answer.response, MHD_HTTP_HEADER_CONTENT_ENCODING, file->packed);
 	return answer;
 }
 
@@ -192,7 +221,7 @@ static struct http_answer refuse_two_lengths(void)
 }
 
 /* What can be said before its body has come. True: it is said. */
-static bool refuse_early(const struct route *route, const char *method, const struct http_request *request,
+static bool refuse_early(const struct route *route, const char *method, struct http_request *request,
 			 struct http_answer *answer)
 {
 	const char *length = header(request, MHD_HTTP_HEADER_CONTENT_LENGTH);
@@ -207,8 +236,10 @@ static bool refuse_early(const struct route *route, const char *method, const st
 		*answer = wrong_method("POST");
 	} else if (length == NULL) {
 		*answer = answer_refusal(MHD_HTTP_LENGTH_REQUIRED, "length", "how long is it?");
-	} else if (strtoul(length, NULL, 10) > HTTP_BODY_MAX) {
+	} else if (strtoul(length, NULL, 10) > (route->long_body ? SETUP_TEXT_MAX : HTTP_BODY_MAX)) {
 		*answer = answer_refusal(MHD_HTTP_CONTENT_TOO_LARGE, "length", "too long");
+	} else if (route->long_body) {
+		return refuse(route, request, answer); /* of who may not, no long body is taken */
 	} else {
 		return false;
 	}
@@ -234,6 +265,12 @@ static enum MHD_Result handle(void *cls, struct MHD_Connection *connection, cons
 		map_count(&site->stats->counters[WEB_COUNT_REQUESTS], 1);
 		return refuse_early(route, method, request, &answer) ? queue(connection, answer) : MHD_YES;
 	}
+	if (*upload_size > 0 && route->long_body) {
+		if (!setup_take_piece(site, request, upload, *upload_size))
+			return MHD_NO;
+		*upload_size = 0;
+		return MHD_YES;
+	}
 	if (*upload_size > 0) {
 		if (*upload_size > sizeof(request->body) - request->size)
 			return MHD_NO; /* more than it has announced */
@@ -251,6 +288,8 @@ static void completed(void *cls, struct MHD_Connection *connection, void **conte
 	(void)cls;
 	if (why == MHD_REQUEST_TERMINATED_COMPLETED_OK)
 		front_answered(connection_of(connection)->front, site->now_ns);
+	if (*context != NULL)
+		setup_forget(*context);
 	if (*context != NULL)
 		explicit_bzero(*context, sizeof(struct http_request)); /* it may have had a password */
 	*context = NULL;

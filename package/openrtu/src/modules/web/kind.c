@@ -8,7 +8,7 @@
 #include "process/calls.h"
 #include "web/config.h"
 #include "web/config_part.h"
-#include "web/stats.h"
+#include "web/setup.h"
 
 #define USER 18 /* behind rtu-iec61850's */
 /*
@@ -48,16 +48,27 @@ static const struct kind_program program = {
     .call_count = sizeof(calls) / sizeof(calls[0]),
 };
 
+/* Without commands, rtud takes its wishes and no point does. */
+static uint32_t flags_of(const struct web_settings *settings)
+{
+	uint32_t flags = settings->commands || settings->setup ? MAP_MAY_REQUEST : 0;
+
+	if (settings->setup)
+		flags |= settings->commands ? MAP_ASKS_SETUP : MAP_ASKS_SETUP | MAP_REQUESTS_LISTED;
+	return flags;
+}
+
 static bool plan(struct map_config *config)
 {
 	const struct web_settings *settings = web_settings(config);
 	const struct map_module_plan module = {
 	    .name = "rtu-web",
 	    .kind = WEB_KIND,
-	    .flags = settings != NULL && settings->commands ? MAP_MAY_REQUEST : 0,
+	    .flags = settings != NULL ? flags_of(settings) : 0,
 	    .rings = {.requests = 64, .answers = 1, .events = 1, .log = 128},
 	    .heartbeat_limit_ms = MAP_IDLE_HEARTBEAT_LIMIT_MS,
-	    .section_size = sizeof(struct web_stats),
+	    .section_size =
+		settings != NULL && settings->setup ? sizeof(struct web_section) : sizeof(struct web_stats),
 	    .counters = WEB_COUNT_OF_COUNTERS,
 	    .user = USER,
 	};

@@ -293,8 +293,12 @@ struct http_answer login_state(struct http_site *site, struct http_request *requ
 	json_object_set_new(row, "time", json_string(time));
 	json_object_set_new(row, "clock_set", json_boolean(clock.set));
 	json_object_set_new(row, "clock", json_string(words_clock_source(clock.source)));
-	json_object_set_new(row, "commands",
-			    json_boolean(site->settings->commands && request->session->role >= WEB_OPERATOR));
+	json_object_set_new(
+	    row, "commands",
+	    json_boolean(site->settings->commands && web_role_may(request->session->role, WEB_COMMANDS)));
+	json_object_set_new(
+	    row, "setup",
+	    json_boolean(site->settings->setup && web_role_may(request->session->role, WEB_SETS_UP)));
 	json_object_set_new(row, "points", json_integer(map_config(site->map)->point_count));
 	json_object_set_new(row, "bad", json_integer(bad_points(site->map)));
 	return answer_json(MHD_HTTP_OK, row);

@@ -13,6 +13,7 @@
 #include "modules/web/front.h"
 #include "modules/web/http.h"
 #include "modules/web/login.h"
+#include "modules/web/proposals.h"
 #include "process/module.h"
 
 #define IDLE_MS 500
@@ -52,6 +53,20 @@ static void renew(void)
 	map_forget(site.map);
 }
 
+static void take_answers(void)
+{
+	struct map_answer answer;
+
+	if (!site.settings->commands && !site.settings->setup)
+		return;
+	while (map_answer_next(site.map, &answer)) {
+		commands_take_answer(&site, &answer);
+		setup_take_answer(&site, &answer);
+	}
+	commands_tick(&site);
+	setup_tick(&site);
+}
+
 static void run(int stop)
 {
 	enum { STOP, BELL, HTTP, FRONTS };
@@ -71,7 +86,7 @@ static void run(int stop)
 		map_heartbeat(site.map);
 		map_bell_clear(site.map);
 		renew();
-		commands_tick(&site);
+		take_answers();
 		front_serve(&waits[FRONTS], site.now_ns);
 		served = http_serve();
 	}
@@ -97,6 +112,17 @@ static bool start(const struct options *options)
 	return true;
 }
 
+/* With set-up, its section has more behind them. */
+static struct web_stats *find_stats(void)
+{
+	struct web_section *section;
+
+	if (site.settings == NULL || !site.settings->setup)
+		return map_section(site.map, map_self(site.map), sizeof(struct web_stats));
+	section = map_section(site.map, map_self(site.map), sizeof(*section));
+	return section != NULL ? &section->stats : NULL;
+}
+
 int main(int argc, char **argv)
 {
 	struct options options;
@@ -104,7 +130,8 @@ int main(int argc, char **argv)
 
 	site.map = module_begin(argc, argv, &options);
 	site.settings = web_settings(map_config(site.map));
-	site.stats = map_section(site.map, map_self(site.map), sizeof(*site.stats));
+	site.map_folder = options.map;
+	site.stats = find_stats();
 	if (site.settings == NULL || site.stats == NULL)
 		return module_is_of_another_build(site.map);
 	stop = module_stop_fd();

@@ -101,12 +101,13 @@ function timeOf(row) {
 
 // ---- the gateway -------------------------------------------------------------------------------
 
+// A text goes as it is, all else as JSON.
 async function ask(path, body) {
   const options = { cache: "no-store", signal: AbortSignal.timeout(LATE_MS) };
   if (body !== undefined) {
     options.method = "POST";
     options.headers = { "Content-Type": "application/json", "X-CSRF-Token": me?.csrf ?? "" };
-    options.body = JSON.stringify(body);
+    options.body = typeof body === "string" ? body : JSON.stringify(body);
   }
   const answer = await fetch(path, options);
   const said = await answer.json();
@@ -382,7 +383,12 @@ const VIEWS = {
       },
     };
   }],
+  setup: ["Set-up", setUp],
 };
+
+// Of a user who may.
+const NEEDS = { setup: () => me?.setup };
+const views = () => Object.keys(VIEWS).filter((name) => NEEDS[name]?.() ?? true);
 
 // ---- the whole ---------------------------------------------------------------------------------
 
@@ -418,6 +424,7 @@ function head() {
   $("user").textContent = `${me.name} (${me.role})`;
   $("clock").textContent = `${me.time.replace("T", " ").slice(0, 19)} UTC${me.clock_set ? "" : ", clock not set"}`;
   for (const link of $("nav").children) {
+    link.hidden = !views().includes(link.dataset.view);
     if (link.dataset.view === view) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
     if (link.dataset.view !== "alarms") continue;
@@ -429,7 +436,7 @@ function head() {
 
 function open() {
   const wanted = location.hash.slice(1);
-  view = Object.hasOwn(VIEWS, wanted) ? wanted : "points";
+  view = views().includes(wanted) ? wanted : "points";
   from = 0;
   search = "";
   shown = VIEWS[view][1]();
@@ -482,11 +489,11 @@ function turnTheme() {
 
 function key(event) {
   if (!me || event.ctrlKey || event.altKey || event.metaKey || $("dialog").open) return;
-  if (event.target.tagName === "INPUT") {
+  if (["INPUT", "TEXTAREA"].includes(event.target.tagName)) {
     if (event.key === "Escape") event.target.blur();
     return;
   }
-  const names = Object.keys(VIEWS), at = Number(event.key) - 1;
+  const names = views(), at = Number(event.key) - 1;
   if (names[at]) location.hash = names[at];
   else if (event.key === "t") turnTheme();
   else if (event.key === "/" && $("search")) { event.preventDefault(); $("search").focus(); }
