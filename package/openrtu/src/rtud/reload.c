@@ -20,7 +20,7 @@
 #include "rtud/compare.h"
 #include "rtud/kinds.h"
 #include "rtud/process.h"
-#include "rtud/setup.h"
+#include "rtud/proposed.h"
 #include "rtud/start.h"
 
 #define START_MS  10000 /* a new process that has not attached by then does not come up */
@@ -127,9 +127,9 @@ static void finish(struct supervisor *supervisor, enum map_command_result result
 	drop_map(&reload->next);
 	drop_map(&reload->former);
 	*reload = (struct reload){.phase = RELOAD_IDLE};
-	if (job != SETUP_NO_JOB)
-		setup_reloaded(supervisor, result == MAP_RESULT_DONE);
-	else if (result == MAP_RESULT_DONE && !dry)
+	supervisor->setup.reloaded = job;
+	supervisor->setup.reloaded_well = result == MAP_RESULT_DONE;
+	if (job == SETUP_NO_JOB && result == MAP_RESULT_DONE && !dry)
 		supervisor->setup.in_force = supervisor->setup.told->text;
 }
 
@@ -202,7 +202,7 @@ __attribute__((noreturn)) static void prepare(const struct supervisor *superviso
 		_exit(CHANGE_REFUSED);
 	process_set_priority(0, 0);
 	if (report != NULL && reload->job != SETUP_NO_JOB && !reload->back) {
-		verdict = setup_prepare(supervisor, reload->job, instead, report);
+		verdict = proposed_prepare(supervisor, reload->job, instead, report);
 		plan.instead = instead;
 		plan.dry |= verdict != SETUP_READ;
 	}
@@ -229,7 +229,7 @@ static void begin(struct supervisor *supervisor)
 
 void reload_again(struct supervisor *supervisor)
 {
-	if (supervisor->reload.phase != RELOAD_IDLE || setup_holds(supervisor)) {
+	if (supervisor->reload.phase != RELOAD_IDLE || proposal_holds(&supervisor->setup.proposal)) {
 		log_line(supervisor, MAP_LOG_WARNING, "SIGHUP is ignored: a configuration is being changed");
 		return;
 	}
@@ -246,7 +246,7 @@ void reload_take(struct supervisor *supervisor, const struct map_request *reques
 
 	map_module(supervisor->map, request->requester, &requester);
 	if (!(requester.flags & MAP_IS_LOCAL) || path == NULL || reload->phase != RELOAD_IDLE ||
-	    setup_holds(supervisor)) {
+	    proposal_holds(&supervisor->setup.proposal)) {
 		map_request_answer(supervisor->map, request, MAP_RESULT_NOT_COMMANDABLE);
 		return;
 	}

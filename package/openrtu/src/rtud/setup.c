@@ -13,55 +13,18 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "config/page.h"
 #include "map/hash.h"
 #include "map/supervise.h"
 #include "map/time_ns.h"
-#include "rtud/config_parts.h"
 #include "rtud/history.h"
 #include "rtud/process.h"
+#include "rtud/proposed.h"
 #include "rtud/start.h"
 #include "rtud/supervisor.h"
 
 #define WORKER_MS 60000
 
-/* In the map's folder, for rtud alone. */
-#define PROPOSED "setup.proposed"
-#define FORMER   "setup.former"
-
-static void in_map(const struct supervisor *supervisor, const char *name, char path[PATH_MAX])
-{
-	snprintf(path, PATH_MAX, "%s/%s", supervisor->options->map, name);
-}
-
 /* ---- files of the map's folder --------------------------------------------------------------- */
-
-/* Whole or not at all; nobody else writes there. */
-static bool put(const struct supervisor *supervisor, const char *name, const char *octets, size_t length,
-		uid_t user, gid_t group)
-{
-	const mode_t mode = user != (uid_t)-1 ? 0400 : group != (gid_t)-1 ? 0640 : 0600;
-	char path[PATH_MAX], new_path[PATH_MAX];
-	FILE *file;
-	bool done;
-	int fd;
-
-	in_map(supervisor, name, path);
-	if (snprintf(new_path, sizeof(new_path), "%s.%d.new", path, (int)getpid()) >= (int)sizeof(new_path))
-		return false;
-	unlink(new_path);
-	fd = open(new_path, O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600);
-	file = fd < 0 ? NULL : fdopen(fd, "w");
-	if (file == NULL)
-		return false;
-	done = fwrite(octets, 1, length, file) == length && fchown(fd, user, group) == 0 &&
-	       fchmod(fd, mode) == 0;
-	done = fclose(file) == 0 && done;
-	if (done && rename(new_path, path) == 0)
-		return true;
-	unlink(new_path);
-	return false;
-}
 
 /* What it says of the proposal, for who asks. */
 static void tell(const struct supervisor *supervisor)
@@ -74,20 +37,13 @@ static void tell(const struct supervisor *supervisor)
 		      (json_int_t)proposal->text, "in_force", (json_int_t)supervisor->setup.in_force);
 	char *text = json_dumps(row, JSON_COMPACT);
 
-	if (text == NULL || !put(supervisor, SETUP_STATE, text, strlen(text), (uid_t)-1, group))
+	if (text == NULL || !proposed_put(supervisor, SETUP_STATE, text, strlen(text), (uid_t)-1, group))
 		map_log(supervisor->map, MAP_LOG_ERROR, "cannot say how far the page's proposal is");
 	free(text);
 	json_decref(row);
 }
 
 /* ---- the wish ---------------------------------------------------------------------------------- */
-
-static const struct web_setup *wish_of(const struct map *map, const struct map_request *request)
-{
-	const struct web_section *section = map_section(map, request->requester, sizeof(*section));
-
-	return section != NULL ? &section->setup : NULL;
-}
 
 /* The page's process may write meanwhile: what was copied is looked at, nothing else. */
 static void copy_user(const struct web_setup *wish, char user[WEB_USER_SIZE])
@@ -97,108 +53,6 @@ static void copy_user(const struct web_setup *wish, char user[WEB_USER_SIZE])
 	for (char *c = user; *c != '\0'; c++)
 		if ((unsigned char)*c <= ' ' || *c == '\x7f')
 			*c = '?';
-}
-
-/* ---- beside rtud: what is proposed ---------------------------------------------------------- */
-
-static bool say_errno(FILE *report, const char *what)
-{
-	fprintf(report, "%s: %s\n", what, strerror(errno));
-	return false;
-}
-
-/* The file on the disk, as long as it is the one that runs. */
-static bool read_in_force(const struct supervisor *supervisor, struct history_text *out, FILE *report)
-{
-	const char *file = supervisor->options->file;
-
-	if (!history_read(file, out))
-		return say_errno(report, file);
-	if (out->hash == supervisor->setup.in_force)
-		return true;
-	fprintf(report,
-		"%s is not what runs: somebody has changed it, or reloaded another one. Put it into "
-		"force with rtuctl reload, then load it here again\n",
-		file);
-	free(out->octets);
-	return false;
-}
-
-static bool take_text(const struct supervisor *supervisor, FILE *report)
-{
-	const struct web_setup *wish = wish_of(supervisor->map, &supervisor->setup.request);
-	const uint32_t length = *(const volatile uint32_t *)&wish->length;
-
-	if (length > SETUP_TEXT_MAX) {
-		fprintf(report, "is longer than the page may hand over, %u octets\n", SETUP_TEXT_MAX);
-		return false;
-	}
-	return put(supervisor, PROPOSED, wish->text, length, (uid_t)-1, (gid_t)-1) ||
-	       say_errno(report, PROPOSED);
-}
-
-/* One that is no JSON is read on, so that its reader says where. */
-static enum setup_verdict compare(const struct supervisor *supervisor, const struct history_text *in_force,
-				  const struct history_text *proposed, FILE *report)
-{
-	const struct config_part *parts[KINDS_MAX];
-	struct config_rule rules[CONFIG_FILE_KEYS_MAX];
-	const struct config_inside file = {.rules = rules,
-					   .count = config_file_rules(parts, kinds_parts(parts), rules)};
-	struct config_report said = {
-	    .messages = report,
-	    .source = {supervisor->options->file, proposed->octets, proposed->length},
-	};
-	json_t *was = json_loadb(in_force->octets, in_force->length, JSON_REJECT_DUPLICATES, NULL);
-	json_t *is = json_loadb(proposed->octets, proposed->length, JSON_REJECT_DUPLICATES, NULL);
-	enum setup_verdict verdict = SETUP_ONLY;
-
-	if (was != NULL && is != NULL) {
-		config_check_page(&said, was, is, &file);
-		config_report_end(&said);
-		verdict = said.errors == 0 ? SETUP_READ : SETUP_ONLY;
-	}
-	json_decref(was);
-	json_decref(is);
-	return verdict;
-}
-
-static enum setup_verdict judge(const struct supervisor *supervisor, enum setup_job job,
-				const char *proposed_path, FILE *report)
-{
-	struct history_text in_force, proposed;
-	enum setup_verdict verdict = SETUP_REFUSED;
-
-	if (!read_in_force(supervisor, &in_force, report))
-		return SETUP_REFUSED;
-	if (supervisor->setup.base != in_force.hash)
-		fputs("the file has changed since you have loaded it: load it again\n", report);
-	else if (job == SETUP_JOB_APPLY &&
-		 !put(supervisor, FORMER, in_force.octets, in_force.length, (uid_t)-1, (gid_t)-1))
-		say_errno(report, FORMER);
-	else if (!history_read(proposed_path, &proposed))
-		say_errno(report, PROPOSED);
-	else {
-		verdict = compare(supervisor, &in_force, &proposed, report);
-		supervisor->setup.told->text = proposed.hash;
-		/* What was checked is what is applied. */
-		if (job == SETUP_JOB_APPLY && proposed.hash != supervisor->setup.proposal.text)
-			verdict = SETUP_ONLY;
-		free(proposed.octets);
-	}
-	free(in_force.octets);
-	return verdict;
-}
-
-enum setup_verdict setup_prepare(const struct supervisor *supervisor, enum setup_job job, char *instead,
-				 FILE *report)
-{
-	in_map(supervisor, job == SETUP_JOB_BACK ? FORMER : PROPOSED, instead);
-	if (job == SETUP_JOB_BACK)
-		return SETUP_READ;
-	if (job == SETUP_JOB_CHECK && !take_text(supervisor, report))
-		return SETUP_REFUSED;
-	return judge(supervisor, job, instead, report);
 }
 
 /* ---- beside rtud: a text that is shown, the file that is written ------------------------------------- */
@@ -225,7 +79,7 @@ static json_t *describe(const char *file, uint32_t number, const struct history_
 
 static bool show(const struct supervisor *supervisor, const struct map_request *request)
 {
-	const uint32_t number = wish_of(supervisor->map, request)->number;
+	const uint32_t number = proposed_wish(supervisor->map, request)->number;
 	const char *file = supervisor->options->file;
 	const uid_t user = user_of(supervisor, request);
 	struct history_text text;
@@ -243,8 +97,8 @@ static bool show(const struct supervisor *supervisor, const struct map_request *
 	else
 		row = describe(file, number, &text);
 	dumped = json_dumps(row, JSON_COMPACT);
-	done = dumped != NULL &&
-	       put(supervisor, SETUP_SHOWN, dumped, strlen(dumped), user != 0 ? user : (uid_t)-1, (gid_t)-1);
+	done = dumped != NULL && proposed_put(supervisor, SETUP_SHOWN, dumped, strlen(dumped),
+					      user != 0 ? user : (uid_t)-1, (gid_t)-1);
 	return done;
 }
 
@@ -256,17 +110,17 @@ static bool keep(const struct supervisor *supervisor)
 	FILE *report;
 	bool done = false;
 
-	in_map(supervisor, SETUP_REPORT, path);
+	proposed_path(supervisor, SETUP_REPORT, path);
 	report = fopen(path, "a");
-	in_map(supervisor, PROPOSED, path);
+	proposed_path(supervisor, PROPOSED_FILE, path);
 	if (report == NULL)
 		return false;
 	if (!history_read(supervisor->options->file, &former))
-		say_errno(report, supervisor->options->file);
+		proposed_say_errno(report, supervisor->options->file);
 	else if (former.hash != setup->base)
 		fputs("somebody has changed the file meanwhile: it stays as that is\n", report);
 	else if (!history_read(path, &text) || text.hash != setup->proposal.text)
-		say_errno(report, PROPOSED);
+		proposed_say_errno(report, PROPOSED_FILE);
 	else
 		done =
 		    history_replace(supervisor->options->file, &former, &text, setup->proposal.user, report);
@@ -362,11 +216,6 @@ static void ended(struct supervisor *supervisor, bool good)
 	tell(supervisor);
 }
 
-void setup_reloaded(struct supervisor *supervisor, bool good)
-{
-	ended(supervisor, good);
-}
-
 /* ---- requests ---------------------------------------------------------------------------------- */
 
 static bool is_of_a_page(const struct supervisor *supervisor, const struct map_request *request)
@@ -375,14 +224,14 @@ static bool is_of_a_page(const struct supervisor *supervisor, const struct map_r
 
 	map_module(supervisor->map, request->requester, &requester);
 	return (requester.flags & MAP_ASKS_SETUP) && request->detail < SETUP_WISHES &&
-	       wish_of(supervisor->map, request) != NULL;
+	       proposed_wish(supervisor->map, request) != NULL;
 }
 
 /* What it hands over is read when its process begins. */
 static enum proposal_task begin(struct supervisor *supervisor, const struct map_request *request)
 {
 	struct setup *setup = &supervisor->setup;
-	const struct web_setup *wish = wish_of(supervisor->map, request);
+	const struct web_setup *wish = proposed_wish(supervisor->map, request);
 	const uint32_t base = wish->base, proposed = wish->proposed;
 	char user[WEB_USER_SIZE];
 	enum proposal_task task;
@@ -442,6 +291,10 @@ void setup_step(struct supervisor *supervisor)
 
 	if (setup->worker != 0 && map_now_ns() > setup->deadline_ns)
 		kill(setup->worker, SIGKILL);
+	if (setup->reloaded != SETUP_NO_JOB) {
+		setup->reloaded = SETUP_NO_JOB;
+		ended(supervisor, setup->reloaded_well);
+	}
 	if (supervisor->reload.phase == RELOAD_IDLE && supervisor->reset_at_ns == 0) {
 		const enum proposal_task task = proposal_wait(&setup->proposal, map_now_ns());
 
@@ -478,9 +331,4 @@ bool setup_reap(struct supervisor *supervisor, pid_t pid, int status)
 	else
 		ended(supervisor, good || is_kept(supervisor));
 	return true;
-}
-
-bool setup_holds(const struct supervisor *supervisor)
-{
-	return proposal_holds(&supervisor->setup.proposal);
 }

@@ -6,7 +6,7 @@
 #ifndef OPENRTU_RTUD_SETUP_H
 #define OPENRTU_RTUD_SETUP_H
 
-#include <stdio.h>
+#include <stdbool.h>
 #include <sys/types.h>
 
 #include "map/map.h"
@@ -19,6 +19,8 @@ struct setup_told {
 	uint32_t text; /* hash of what it has read */
 };
 
+enum setup_job { SETUP_NO_JOB, SETUP_JOB_CHECK, SETUP_JOB_APPLY, SETUP_JOB_BACK };
+
 struct setup {
 	struct proposal proposal;
 	uint32_t in_force; /* hash of the text of what runs */
@@ -29,6 +31,9 @@ struct setup {
 	int64_t deadline_ns; /* of it */
 	struct map_request
 	    shown; /* the worker shows one, for this request; its requester is 0 if it does not */
+	enum setup_job
+	    reloaded; /* a reload of it is over, which was a good one or not; SETUP_NO_JOB: none is */
+	bool reloaded_well;
 	struct setup_told *told; /* in memory that is shared with these processes */
 };
 
@@ -39,23 +44,5 @@ void setup_take(struct supervisor *supervisor, const struct map_request *request
 void setup_step(struct supervisor *supervisor);
 /* A process has ended. True: it was one of these. */
 bool setup_reap(struct supervisor *supervisor, pid_t pid, int status);
-
-/* ---- for reload.c ------------------------------------------------------------------------- */
-
-enum setup_job { SETUP_NO_JOB, SETUP_JOB_CHECK, SETUP_JOB_APPLY, SETUP_JOB_BACK };
-/* What such a process looks at before it reads the file. */
-enum setup_verdict {
-	SETUP_READ,    /* it may come into force */
-	SETUP_ONLY,    /* read it to say what is wrong with it; it may not */
-	SETUP_REFUSED, /* said why */
-};
-
-/* In the process beside rtud. instead: what it is to read, PATH_MAX octets. */
-enum setup_verdict setup_prepare(const struct supervisor *supervisor, enum setup_job job, char *instead,
-				 FILE *report);
-/* The reload of such a job is over. */
-void setup_reloaded(struct supervisor *supervisor, bool good);
-/* Nobody else may change the configuration. */
-bool setup_holds(const struct supervisor *supervisor);
 
 #endif

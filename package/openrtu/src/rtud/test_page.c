@@ -118,6 +118,8 @@ static void test_a_device_of_the_machine_is_refused(void **state)
 	assert_refused(LINE(""), "{'port': [{'value': 3,\n'device': '/etc/x', 'slaves': []}]}",
 		       "f:2: port[0].device: is new");
 	assert_refused("{'port': []}", "{'port': [{'device': 'ttyS1'}]}", "port[0].device: is new");
+	assert_refused("{'port': []}", "{'port': [{'pass_through': {'address': '0.0.0.0'}}]}",
+		       "port[0].pass_through: is new");
 	assert_refused(SLAVE("{'address': 1}"), SLAVE("{'address': 1, 'no_such': 1}"),
 		       "port[0].slaves[0].coils[0].no_such: is new");
 	assert_refused(LINE("{'id': 1}"), LINE("{'id': 1, 'overrides': {'a': {'program': '/x'}}}"),
