@@ -76,7 +76,7 @@ def numbers_of_kinds() -> dict[str, int]:
     for file in (PACKAGE / "src/modules").glob("*/kind.c"):
         text = file.read_text()
         if number := re.search(r"#define (?:FIRST_)?USER\s+(\d+)", text):
-            name = re.search(r'\{"(rtu-\w+)", |\.name = "(rtu-\w+)"', text)
+            name = re.search(r'(?:\{|\t)"(rtu-\w+)", |\.name = "(rtu-\w+)"', text)
             assert name is not None, file
             found[name[1] or name[2]] = BASE + int(number[1])
     return found
