@@ -67,7 +67,7 @@ def made(boot: Boot, tmp_path_factory: pytest.TempPathFactory) -> NandImage:
     nand = NandImage.blank(tmp_path_factory.mktemp("made") / "nand")
     nand.mark_bad(ROOTFS[1])
     with boot(*with_flash(nand)) as linux:
-        linux.run("mkdir /data/site; echo kept > /data/note")
+        linux.run("mkdir -p /data/site; echo kept > /data/note")
         output = linux.run("rtu-data create", CREATE_SECONDS)
         assert "it holds nothing" in output
         assert "1 bad" in output

@@ -242,3 +242,33 @@ def test_a_killed_rtud_comes_back_with_the_file_that_was_confirmed(page: Page, i
     assert "lost" not in names(page)
     client = page.client("installer")
     assert phase(client) == "none" and load(client)["text"] == before
+
+
+def test_a_configuration_is_kept_where_the_file_cannot_be_written(page: Page) -> None:
+    """As on a board, whose own file is in a root that is read only. Behind the kill above."""
+    gateway = page.gateway
+    kept = page.folder / "site" / "config.json"
+    kept.parent.mkdir()
+    gateway.stop()
+    before = gateway.config_file.read_text()
+    gateway.options = ["--kept", kept]
+    gateway.start()
+    installer = page.client("installer")
+    said = check(installer, changed(before, "site", 6), load(installer)["base"])
+    said = wish(installer, "apply", proposed=said["proposed"])
+    said = wish(installer, "confirm", proposed=said["proposed"])
+    assert (said["good"], said["phase"]) == (True, "none"), said
+    assert "site" in json.dumps(json.loads(kept.read_text())) and gateway.config_file.read_text() == before
+    gateway.ctl("reload")
+    assert "site" in names(page)
+    gateway.stop()
+    gateway.start()
+    installer = page.client("installer")
+    assert "site" in names(page)
+    shown = load(installer)
+    assert shown["text"] == kept.read_text() and load(installer, 1)["text"] == before
+    gateway.stop()
+    kept.write_text("{")
+    gateway.start()
+    assert "site" not in names(page)
+    assert f"{kept} is not used" in gateway.log_file.read_text()

@@ -237,6 +237,7 @@ static bool keep_former(const char *path, const struct history_text *former, con
 	return kept;
 }
 
+/* path: a whole one. */
 static bool replace(const char *path, const struct history_text *text)
 {
 	char folder_path[PATH_MAX];
@@ -247,14 +248,24 @@ static bool replace(const char *path, const struct history_text *text)
 
 	snprintf(folder_path, sizeof(folder_path), "%s", path);
 	slash = strrchr(folder_path, '/');
-	*slash = '\0'; /* realpath's: there is one */
+	*slash = '\0';
 	folder = open(slash == folder_path ? "/" : folder_path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
 	if (folder < 0)
 		return false;
-	done = fstatat(folder, slash + 1, &like, AT_SYMLINK_NOFOLLOW) == 0 &&
-	       put(folder, slash + 1, text, &like);
+	if (fstatat(folder, slash + 1, &like, AT_SYMLINK_NOFOLLOW) == 0)
+		done = put(folder, slash + 1, text, &like);
+	else
+		done = errno == ENOENT && put(folder, slash + 1, text, NULL);
 	close(folder);
 	return done;
+}
+
+/* Where the file is, or will be. */
+static bool find_place(const char *path, char real[PATH_MAX])
+{
+	if (realpath(path, real) != NULL)
+		return true;
+	return errno == ENOENT && path[0] == '/' && snprintf(real, PATH_MAX, "%s", path) < PATH_MAX;
 }
 
 bool history_replace(const char *path, const struct history_text *former, const struct history_text *text,
@@ -262,7 +273,7 @@ bool history_replace(const char *path, const struct history_text *former, const 
 {
 	char real[PATH_MAX];
 
-	if (realpath(path, real) != NULL && keep_former(path, former, user) && replace(real, text))
+	if (find_place(path, real) && keep_former(path, former, user) && replace(real, text))
 		return true;
 	fprintf(messages, "%s cannot be written: %s\n", path, strerror(errno));
 	return false;

@@ -48,6 +48,7 @@ static const char usage[] =
     "  --map DIR        folder of the point map, on a tmpfs     [/run/openrtu]\n"
     "  --dev DIR        folder of the serial devices            [/dev]\n"
     "  --modules DIR    folder of the module programs           [" OPENRTU_MODULES "]\n"
+    "  --kept FILE      where the page keeps a configuration, which takes FILE's place  [FILE itself]\n"
     "  --uid-base N     as root: modules run as users N + 1 and on, group N; 0: as root  [61200]\n"
     "  --watchdog DEV   feed this watchdog while rtud is healthy; an orderly end stops it       [none]\n"
     "  --help           this text\n"
@@ -89,6 +90,15 @@ static bool parse_edition(const char *text, bool *edition_2)
 	return false;
 }
 
+static bool take_kept(const char *path, struct supervise_options *options)
+{
+	options->kept = path;
+	if (path[0] == '/')
+		return true;
+	fprintf(stderr, "rtud: --kept %s: expected a whole path, as /data/site/config.json\n", path);
+	return false;
+}
+
 static bool take_file(int argc, char **argv, struct arguments *arguments)
 {
 	arguments->file = argv[optind];
@@ -113,6 +123,7 @@ static const struct option known[] = {
     {"map", required_argument, NULL, 'm'},
     {"dev", required_argument, NULL, 'd'},
     {"modules", required_argument, NULL, 'p'},
+    {"kept", required_argument, NULL, 'K'},
     {"uid-base", required_argument, NULL, 'u'},
     {"watchdog", required_argument, NULL, 'w'},
     {"help", no_argument, NULL, 'h'},
@@ -160,6 +171,10 @@ static bool parse(int argc, char **argv, struct arguments *arguments)
 		case 'p':
 			arguments->supervise.modules = optarg;
 			break;
+		case 'K':
+			if (!take_kept(optarg, &arguments->supervise))
+				return false;
+			break;
 		case 'u':
 			if (!parse_uid(optarg, &arguments->supervise.uid_base))
 				return false;
@@ -194,11 +209,25 @@ static void open_standard_streams(void)
 	close(fd);
 }
 
+/* A kept one that is wrong, whoever wrote it, is no reason for a gateway that does not start. */
+static enum config_result load(const struct arguments *arguments, struct map_config *config)
+{
+	const char *kept = arguments->supervise.kept;
+
+	if (kept != NULL && access(kept, F_OK) == 0) {
+		if (config_load(arguments->file, kept, modules, config, stderr) == CONFIG_GOOD)
+			return CONFIG_GOOD;
+		config_free(config);
+		fprintf(stderr, "rtud: %s is not used, %s itself is\n", kept, arguments->file);
+	}
+	return config_load(arguments->file, NULL, modules, config, stderr);
+}
+
 static int run(const struct arguments *arguments)
 {
 	struct supervise_options options = arguments->supervise;
 	struct map_config config;
-	enum config_result result = config_load(arguments->file, NULL, modules, &config, stderr);
+	enum config_result result = load(arguments, &config);
 	int code;
 
 	if (result != CONFIG_GOOD)

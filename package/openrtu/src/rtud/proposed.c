@@ -16,6 +16,16 @@
 
 #define FORMER "setup.former" /* in the map's folder, for rtud alone */
 
+const char *proposed_source(const struct supervise_options *options)
+{
+	return options->kept != NULL && access(options->kept, F_OK) == 0 ? options->kept : options->file;
+}
+
+const char *proposed_target(const struct supervise_options *options)
+{
+	return options->kept != NULL ? options->kept : options->file;
+}
+
 void proposed_path(const struct supervisor *supervisor, const char *name, char *path)
 {
 	snprintf(path, PATH_MAX, "%s/%s", supervisor->options->map, name);
@@ -66,7 +76,7 @@ bool proposed_say_errno(FILE *report, const char *what)
 /* The file on the disk, as long as it is the one that runs. */
 static bool read_in_force(const struct supervisor *supervisor, struct history_text *out, FILE *report)
 {
-	const char *file = supervisor->options->file;
+	const char *file = proposed_source(supervisor->options);
 
 	if (!history_read(file, out))
 		return proposed_say_errno(report, file);
@@ -103,7 +113,7 @@ static enum setup_verdict compare(const struct supervisor *supervisor, const str
 					   .count = config_file_rules(parts, kinds_parts(parts), rules)};
 	struct config_report said = {
 	    .messages = report,
-	    .source = {supervisor->options->file, proposed->octets, proposed->length},
+	    .source = {proposed_source(supervisor->options), proposed->octets, proposed->length},
 	};
 	json_t *was = json_loadb(in_force->octets, in_force->length, JSON_REJECT_DUPLICATES, NULL);
 	json_t *is = json_loadb(proposed->octets, proposed->length, JSON_REJECT_DUPLICATES, NULL);

@@ -7,6 +7,7 @@
 #include <sys/types.h>
 
 #include "rtud/setup.h"
+#include "rtud/supervise.h"
 
 #define PROPOSED_FILE "setup.proposed" /* in the map's folder, for rtud alone */
 
@@ -16,6 +17,11 @@ enum setup_verdict {
 	SETUP_ONLY,    /* read it to say what is wrong with it; it may not */
 	SETUP_REFUSED, /* said why */
 };
+
+/* Where the text is that FILE stands for: one that was kept, or its own. */
+const char *proposed_source(const struct supervise_options *options);
+/* Where the page's is kept. */
+const char *proposed_target(const struct supervise_options *options);
 
 /* What the page's process says in its section. NULL: it has none. */
 const struct web_setup *proposed_wish(const struct map *map, const struct map_request *request);

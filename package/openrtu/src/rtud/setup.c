@@ -66,45 +66,48 @@ static uid_t user_of(const struct supervisor *supervisor, const struct map_reque
 	return start_user(supervisor, &module);
 }
 
-static json_t *describe(const char *file, uint32_t number, const struct history_text *text)
+static json_t *describe(uint32_t number, const struct history_text *text)
 {
 	json_t *shown = json_stringn(text->octets, text->length);
 
 	if (shown == NULL)
-		return json_pack("{s:s, s:o}", "error", "the file is not UTF-8", "history",
-				 history_list(file));
-	return json_pack("{s:I, s:I, s:s, s:o, s:o}", "number", (json_int_t)number, "base",
-			 (json_int_t)text->hash, "path", file, "text", shown, "history", history_list(file));
+		return json_pack("{s:s}", "error", "the file is not UTF-8");
+	return json_pack("{s:I, s:I, s:o}", "number", (json_int_t)number, "base", (json_int_t)text->hash,
+			 "text", shown);
+}
+
+/* number: of the history; 0: what runs. */
+static json_t *read_shown(const struct supervisor *supervisor, uint32_t number)
+{
+	const struct supervise_options *options = supervisor->options;
+	struct history_text text;
+
+	if (!(number == 0 ? history_read(proposed_source(options), &text)
+			  : history_recall(proposed_target(options), number, &text)))
+		return json_pack("{s:s}", "error", strerror(errno));
+	if (number == 0 && text.hash != supervisor->setup.in_force)
+		return json_pack("{s:s}", "error",
+				 "the file is not what runs: put it into force with rtuctl reload first");
+	return describe(number, &text);
 }
 
 static bool show(const struct supervisor *supervisor, const struct map_request *request)
 {
-	const uint32_t number = proposed_wish(supervisor->map, request)->number;
-	const char *file = supervisor->options->file;
 	const uid_t user = user_of(supervisor, request);
-	struct history_text text;
-	json_t *row;
+	json_t *row = read_shown(supervisor, proposed_wish(supervisor->map, request)->number);
 	char *dumped;
-	bool done;
 
-	if (!(number == 0 ? history_read(file, &text) : history_recall(file, number, &text)))
-		row = json_pack("{s:s, s:s, s:o}", "error", strerror(errno), "path", file, "history",
-				history_list(file));
-	else if (number == 0 && text.hash != supervisor->setup.in_force)
-		row = json_pack("{s:s, s:s, s:o}", "error",
-				"the file is not what runs: put it into force with rtuctl reload first",
-				"path", file, "history", history_list(file));
-	else
-		row = describe(file, number, &text);
+	json_object_set_new(row, "path", json_string(proposed_target(supervisor->options)));
+	json_object_set_new(row, "history", history_list(proposed_target(supervisor->options)));
 	dumped = json_dumps(row, JSON_COMPACT);
-	done = dumped != NULL && proposed_put(supervisor, SETUP_SHOWN, dumped, strlen(dumped),
+	return dumped != NULL && proposed_put(supervisor, SETUP_SHOWN, dumped, strlen(dumped),
 					      user != 0 ? user : (uid_t)-1, (gid_t)-1);
-	return done;
 }
 
 static bool keep(const struct supervisor *supervisor)
 {
 	const struct setup *setup = &supervisor->setup;
+	const char *source = proposed_source(supervisor->options);
 	struct history_text former, text;
 	char path[PATH_MAX];
 	FILE *report;
@@ -115,15 +118,15 @@ static bool keep(const struct supervisor *supervisor)
 	proposed_path(supervisor, PROPOSED_FILE, path);
 	if (report == NULL)
 		return false;
-	if (!history_read(supervisor->options->file, &former))
-		proposed_say_errno(report, supervisor->options->file);
+	if (!history_read(source, &former))
+		proposed_say_errno(report, source);
 	else if (former.hash != setup->base)
 		fputs("somebody has changed the file meanwhile: it stays as that is\n", report);
 	else if (!history_read(path, &text) || text.hash != setup->proposal.text)
 		proposed_say_errno(report, PROPOSED_FILE);
 	else
-		done =
-		    history_replace(supervisor->options->file, &former, &text, setup->proposal.user, report);
+		done = history_replace(proposed_target(supervisor->options), &former, &text,
+				       setup->proposal.user, report);
 	fclose(report);
 	return done;
 }
@@ -310,7 +313,7 @@ static bool is_kept(const struct supervisor *supervisor)
 	struct history_text text;
 	bool kept;
 
-	if (!history_read(supervisor->options->file, &text))
+	if (!history_read(proposed_target(supervisor->options), &text))
 		return false;
 	kept = text.hash == supervisor->setup.proposal.text;
 	free(text.octets);

@@ -9,6 +9,8 @@
 
 struct supervise_options {
 	const char *file; /* the configuration, read again when it has changed */
+	const char
+	    *kept; /* where the page keeps one, whose text takes the place of file's; NULL: in file itself */
 	struct config_modules build;
 	const char *map;      /* folder of the map, on a tmpfs */
 	const char *modules;  /* folder of the module executables */

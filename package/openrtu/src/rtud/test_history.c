@@ -151,10 +151,24 @@ static void test_what_cannot_be_written_stays(void **state)
 	snprintf(history, sizeof(history), "%s.history/x", path);
 	assert_int_equal(symlink("/etc/passwd", history), 0); /* is none of the history */
 	assert_true(replace("two", "two", "bert"));
-	snprintf(path, sizeof(path), "%s/none.json", folder);
+	snprintf(path, sizeof(path), "%s/none/g.json", folder);
 	assert_false(replace("a", "b", "bert"));
 	snprintf(path, sizeof(path), "%s/gateway.json", folder);
 	assert_file_is("two");
+}
+
+static void test_a_file_that_was_not_there_is_made(void **state)
+{
+	struct history_text text;
+
+	(void)state;
+	snprintf(path, sizeof(path), "%s/kept.json", folder);
+	assert_true(replace("elsewhere", "kept", "bert"));
+	assert_file_is("kept");
+	assert_true(history_recall(path, 1, &text));
+	assert_string_equal(text.octets, "elsewhere");
+	free(text.octets);
+	snprintf(path, sizeof(path), "%s/gateway.json", folder);
 }
 
 /* A process that ends at the call of that number. True: it did. */
@@ -202,6 +216,7 @@ int main(void)
 	    cmocka_unit_test(test_what_was_there_can_be_had_again),
 	    cmocka_unit_test(test_so_many_are_kept),
 	    cmocka_unit_test(test_what_cannot_be_written_stays),
+	    cmocka_unit_test(test_a_file_that_was_not_there_is_made),
 	    cmocka_unit_test(test_who_ends_anywhere_leaves_one_of_both),
 	};
 
