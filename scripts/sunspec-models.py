@@ -86,6 +86,7 @@ class Model:
         one |= {"deadband": DEADBANDS[unit]} if type_ == "float" and unit in DEADBANDS else {}
         one |= {"period_ms": SLOW_MS} if unit in ENERGIES else {}
         one |= {"names": names_of(point)} if kind == "enum16" and point.get("symbols") else {}
+        one |= {"read_only": True} if point.get("access") != "RW" else {}
         self.objects.append(one | {"ioa": self.address - IOA_BASE})
 
     def _scale(self, point: Json, size: int, factors: dict[str, int]) -> Json:
@@ -100,7 +101,8 @@ class Model:
         name = f"{factor}.{place}"
         if all(one["name"] != name for one in self.objects):
             self.objects.append(
-                {"address": place, "name": name, "period_ms": FACTOR_MS, "ioa": place - IOA_BASE}
+                {"address": place, "name": name, "period_ms": FACTOR_MS, "read_only": True}
+                | {"ioa": place - IOA_BASE}
             )
         return {"scale_by": name}
 

@@ -134,7 +134,7 @@ def command_of(one: Json) -> str:
         more = ", …" if len(shown) > NAMES_SHOWN else ""
         parts.append(", ".join(shown[:NAMES_SHOWN]) + more)
     parts += [f"written at {one['write_address']}"] if "write_address" in one else []
-    parts += [key.replace("_", " ") for key in ("write_only", "select") if one.get(key)]
+    parts += [key.replace("_", " ") for key in ("read_only", "write_only", "select") if one.get(key)]
     parts += [f"written every {one['write_every_ms'] / 1000:g} s"] if "write_every_ms" in one else []
     return "; ".join(parts)
 

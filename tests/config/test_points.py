@@ -362,6 +362,11 @@ def test_slaves_of_a_template_that_are_wrong(
         ({"page": 1}, "page: has no meaning without page_address of its slave, which says where it is"),
         ({"page": 1, "select": True}, "select: has no meaning beside page: what is on a page takes no"),
         ({"page": 1, "write_only": True}, "write_only: has no meaning beside page"),
+        (
+            {"read_only": True, "step": 1, "min": 0, "max": 9},
+            "step: has no meaning beside read_only: it takes",
+        ),
+        ({"read_only": True, "write_address": 5}, "write_address: has no meaning beside read_only"),
         ({"type": "counter", "format": "fixed24_8"}, '"fixed24_8" is not a format of type counter'),
         ({"type": "counter", "format": "bcd32", "scale": 2}, "scale: has no meaning for a counter"),
         ({"format": "bcd16", "unimplemented": True}, "unimplemented: has no meaning for format bcd16"),
@@ -430,6 +435,7 @@ def test_values_that_do_not_go_together(
         ({"write_every_ms": 500}, "write_every_ms: has no meaning for input_registers: they cannot be"),
         ({"write_only": True}, "write_only: has no meaning for input_registers, which cannot be written"),
         ({"write_address": 9, "write_only": False}, "write_only: has no meaning for input_registers"),
+        ({"read_only": True}, "read_only: has no meaning for input_registers, which cannot be written"),
         ({"write_address": 9, "scale_table": [[0, 0], [1, 1], [2, 0]]}, "must rise all the way"),
     ],
 )

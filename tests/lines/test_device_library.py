@@ -47,10 +47,13 @@ def is_bit(table: str, one: dict[str, Any]) -> bool:
 
 
 def takes_commands(table: str, one: dict[str, Any]) -> bool:
-    """As its manual says; the gateway would send one to any coil and holding register."""
-    if table == "holding_registers":
-        return bool(one.keys() & {"min", "names"})
-    return table == "coils" or "write_address" in one
+    return "write_address" in one or (
+        table in ("coils", "holding_registers") and not one.get("read_only") and one.get("format") != "string"
+    )
+
+
+def says_what_it_takes(table: str, one: dict[str, Any]) -> bool:
+    return is_bit(table, one) or bool(one.keys() & {"min", "names"})
 
 
 # ---- what a template says of itself ------------------------------------------------------------------
@@ -86,6 +89,14 @@ def test_its_objects_have_names_units_and_addresses_of_their_own(name: str) -> N
             taken = set(range(16)) if whole else set(range(first, last + 1))
             assert not taken & bits.setdefault((table, address), set()), one
             bits[table, address] |= taken
+
+
+@pytest.mark.parametrize("name", [name for name in LIBRARY if not name.startswith("sunspec-model")])
+def test_what_takes_commands_says_which(name: str) -> None:
+    """What a device only measures has read_only."""
+    for table, one in LIBRARY[name].objects():
+        if takes_commands(table, one):
+            assert says_what_it_takes(table, one) or one.get("write_only"), one
 
 
 # ---- on a line ---------------------------------------------------------------------------------------
@@ -215,13 +226,14 @@ def commanded(one: dict[str, Any]) -> float:
     [
         name
         for name, device in LIBRARY.items()  # a table of SunSpec does not say what a device lets write
-        if "model" not in device.about and any(takes_commands(*row) for row in device.objects())
+        if "model" not in device.about
+        and any(takes_commands(*row) and says_what_it_takes(*row) for row in device.objects())
     ],
 )
 def test_its_device_is_commanded(library: Library, name: str) -> None:
     place, _ = library.devices[name]
     for table, one in LIBRARY[name].objects():
-        if not takes_commands(table, one):
+        if not (takes_commands(table, one) and says_what_it_takes(table, one)):
             continue
         point, address = f"{place}/{one['name']}", one.get("write_address", one["address"])
         if is_bit(table, one):

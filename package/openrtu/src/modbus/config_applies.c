@@ -66,8 +66,8 @@ bool modbus_applies_to_texts(unsigned key)
 	       (applies->types == 0 || (applies->types & MODBUS_TYPE(MAP_BITSTRING)));
 }
 
-/* What is on a page is read, and nothing else. */
-bool modbus_applies_to_pages(unsigned key)
+/* What is on a page, or read only. */
+bool modbus_applies_to_read_alone(unsigned key)
 {
 	return !modbus_applies_to[key].of_commands && key != OBJECT_WRITE_ADDRESS && key != OBJECT_WRITE_ONLY;
 }

@@ -48,22 +48,29 @@ static void check_meaning(struct modbus_loader *loader, const struct config_plac
 		if (values[key].given && applies->types != 0 && !(applies->types & MODBUS_TYPE(type)))
 			config_error(loader->report, &here, "has no meaning for type %s",
 				     modbus_type_names[type]);
-		if (values[key].given && applies->of_commands && !values[OBJECT_PAGE].given &&
+		if (values[key].given && applies->of_commands && !modbus_is_read_alone(values) &&
 		    !modbus_takes_commands(values, table))
 			config_error(loader->report, &here, "has no meaning for %s: they cannot be commanded",
 				     modbus_table_names[table]);
 	}
 }
 
+/* Of keys about what could be written as well. */
+static void check_writable(struct modbus_loader *loader, const struct config_place *object,
+			   const struct config_value *values, unsigned key, enum modbus_table table)
+{
+	const struct config_place here = modbus_object_key(object, key);
+
+	if (values[key].given && !modbus_is_writable(table))
+		config_error(loader->report, &here, "has no meaning for %s, which cannot be written",
+			     modbus_table_names[table]);
+}
+
 /* What is never read has nothing to say, and needs no second address. */
 static void check_write_only(struct modbus_loader *loader, const struct config_place *object,
 			     const struct config_value *values, enum modbus_table table)
 {
-	const struct config_place write_only = modbus_object_key(object, OBJECT_WRITE_ONLY);
-
-	if (values[OBJECT_WRITE_ONLY].given && !modbus_is_writable(table))
-		config_error(loader->report, &write_only, "has no meaning for %s, which cannot be written",
-			     modbus_table_names[table]);
+	check_writable(loader, object, values, OBJECT_WRITE_ONLY, table);
 	for (unsigned key = 0; values[OBJECT_WRITE_ONLY].integer && key < OBJECT_KEYS; key++) {
 		const struct config_place here = modbus_object_key(object, key);
 
@@ -333,6 +340,17 @@ static void check_names(struct modbus_loader *loader, const struct config_place 
 			     "has no meaning beside names: it would reach values without one");
 }
 
+static void check_read_alone(struct modbus_loader *loader, const struct config_place *object,
+			     const struct config_value *values, const char *why)
+{
+	for (unsigned key = 0; key < OBJECT_KEYS; key++) {
+		const struct config_place here = modbus_object_key(object, key);
+
+		if (values[key].given && !modbus_applies_to_read_alone(key))
+			config_error(loader->report, &here, "has no meaning beside %s", why);
+	}
+}
+
 /* What it is on is chosen before it is read: nobody chooses it for a command. */
 static void check_page(struct modbus_loader *loader, const struct config_place *object,
 		       const struct config_value *values, bool may_be_paged)
@@ -344,13 +362,7 @@ static void check_page(struct modbus_loader *loader, const struct config_place *
 		config_error(
 		    loader->report, &page,
 		    "has no meaning without page_address of its slave, which says where it is written");
-	for (unsigned key = 0; key < OBJECT_KEYS; key++) {
-		const struct config_place here = modbus_object_key(object, key);
-
-		if (values[key].given && !modbus_applies_to_pages(key))
-			config_error(loader->report, &here,
-				     "has no meaning beside page: what is on a page takes no commands");
-	}
+	check_read_alone(loader, object, values, "page: what is on a page takes no commands");
 }
 
 static void check_object(struct modbus_loader *loader, const struct config_place *place,
@@ -394,6 +406,9 @@ static void check_object(struct modbus_loader *loader, const struct config_place
 		check_read_key(loader, place, OBJECT_WRITE_ADDRESS);
 	if (values[OBJECT_PAGE].given)
 		check_page(loader, place, values, may_be_paged);
+	check_writable(loader, place, values, OBJECT_READ_ONLY, table);
+	if (values[OBJECT_READ_ONLY].integer)
+		check_read_alone(loader, place, values, "read_only: it takes no commands");
 	check_kept(loader, place, values);
 }
 

@@ -59,6 +59,7 @@ enum {
 	OBJECT_READ_BACK,
 	OBJECT_WRITE_ADDRESS,
 	OBJECT_WRITE_ONLY,
+	OBJECT_READ_ONLY,
 	OBJECT_WRITE_VALUES,
 	OBJECT_WRITE_AT_RETURN,
 	OBJECT_WRITE_EVERY,
@@ -86,7 +87,7 @@ extern const struct modbus_applies modbus_applies_to[OBJECT_KEYS];
 /* To an object whose registers are a text. */
 bool modbus_applies_to_texts(unsigned key);
 /* To one that is on a page. */
-bool modbus_applies_to_pages(unsigned key);
+bool modbus_applies_to_read_alone(unsigned key);
 
 static inline bool modbus_is_bit_table(enum modbus_table table)
 {
@@ -100,11 +101,17 @@ static inline bool modbus_object_is_text(const struct config_value *values)
 	       modbus_is_string((enum modbus_format)(MODBUS_FORMAT_INT16 + values[OBJECT_FORMAT].integer));
 }
 
+/* It takes no commands, whatever its table. */
+static inline bool modbus_is_read_alone(const struct config_value *values)
+{
+	return values[OBJECT_PAGE].given || values[OBJECT_READ_ONLY].integer != 0;
+}
+
 /* What is in a table that is only read takes commands where they go elsewhere. */
 static inline bool modbus_takes_commands(const struct config_value *values, enum modbus_table table)
 {
 	return (modbus_is_writable(table) || values[OBJECT_WRITE_ADDRESS].given) &&
-	       !modbus_object_is_text(values) && !values[OBJECT_PAGE].given;
+	       !modbus_object_is_text(values) && !modbus_is_read_alone(values);
 }
 
 static inline struct config_place modbus_object_key(const struct config_place *object, unsigned key)

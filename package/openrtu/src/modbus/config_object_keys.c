@@ -285,6 +285,10 @@ const struct config_rule modbus_object_rules[OBJECT_KEYS] = {
 			   CONFIG_SAYS("The object takes commands and is never read. It has no value, and "
 				       "none of the keys about one. Only coils and holding_registers.",
 				       .see = "configuration.md#written-elsewhere-or-only-written")},
+    [OBJECT_READ_ONLY] = {"read_only", CONFIG_BOOLEAN, .page = true,
+			  CONFIG_SAYS("The object is read and takes no commands, as a measured value that a "
+				      "device has among its settings. Only coils and holding_registers.",
+				      .see = "configuration.md#written-elsewhere-or-only-written")},
     [OBJECT_WRITE_VALUES] =
 	{"write_values", CONFIG_ARRAY, .page = true, .high = MODBUS_OBJECT_KEPT_MAX,
 	 CONFIG_SAYS(

@@ -138,22 +138,27 @@ static bool put_write_only(json_t *schema)
 	return done;
 }
 
-/* What is on a page takes no commands. */
-static bool put_page(json_t *schema)
+static bool put_read_alone(json_t *schema, json_t *is)
 {
-	json_t *is = json_pack("{s:[s]}", "required", modbus_object_rules[OBJECT_PAGE].name);
 	json_t *then = on_condition(schema, is, "then");
 	bool done = then != NULL;
 
 	for (unsigned key = 0; done && key < OBJECT_KEYS; key++)
-		if (!modbus_applies_to_pages(key))
+		if (!modbus_applies_to_read_alone(key))
 			done = forbid(then, key);
 	return done;
 }
 
+/* What is on a page, or read only, takes no commands. */
 static bool put_object(json_t *schema)
 {
-	return put_write_only(schema) && put_page(schema);
+	const char *read_only = modbus_object_rules[OBJECT_READ_ONLY].name;
+
+	return put_write_only(schema) &&
+	       put_read_alone(schema,
+			      json_pack("{s:[s]}", "required", modbus_object_rules[OBJECT_PAGE].name)) &&
+	       put_read_alone(schema, json_pack("{s:[s], s:{s:{s:b}}}", "required", read_only, "properties",
+						read_only, "const", true));
 }
 
 /* Where nothing but a write_address makes something to command, no other key of commands means anything. */
@@ -448,7 +453,10 @@ CONFIG_SHARED_TABLE(modbus_coil_table, .name = "coil", .forms = CONFIG_FORMS(&bi
 		    .json = CONFIG_JSON({"$ref" : "#/$defs/bits"}));
 CONFIG_SHARED_TABLE(modbus_discrete_input_table, .name = "discrete_input", .add = put_commands,
 		    .forms = CONFIG_FORMS(&bits_table),
-		    .json = CONFIG_JSON({"$ref" : "#/$defs/bits", "properties" : {"write_only" : false}}));
+		    .json = CONFIG_JSON({
+			    "$ref" : "#/$defs/bits",
+			    "properties" : {"write_only" : false, "read_only" : false}
+		    }));
 CONFIG_TABLE(commanded_register_table, .name = "commanded_register",
 	     .json = CONFIG_JSON({
 		     "dependentRequired" : {"step" : [ "min", "max" ], "min" : ["max"], "max" : ["min"]},
@@ -459,7 +467,7 @@ CONFIG_SHARED_TABLE(modbus_input_register_table, .name = "input_register", .add 
 		    .forms = CONFIG_FORMS(&register_table, &commanded_register_table),
 		    .json = CONFIG_JSON({
 			    "$ref" : "#/$defs/register",
-			    "properties" : {"write_only" : false},
+			    "properties" : {"write_only" : false, "read_only" : false},
 			    "if" : {"required" : ["write_address"]},
 			    "then" : {"$ref" : "#/$defs/commanded_register"}
 		    }));

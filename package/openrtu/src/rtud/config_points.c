@@ -74,6 +74,7 @@ static const unsigned object_columns[] = {
     OBJECT_WRITE_EVERY,
     OBJECT_LENGTH,
     OBJECT_PAGE,
+    OBJECT_READ_ONLY,
 };
 #define DIGITS_LEAST 15 /* of a double */
 #define DIGITS_MOST  17
