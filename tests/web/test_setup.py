@@ -16,7 +16,6 @@ import pytest
 from peers.authority import give_to_station
 from rig.web import WAIT_S, WEB_USER, Client, Page, make_user, page_of
 
-pytestmark = pytest.mark.slow
 LONGEST = 256 * 1024  # SETUP_TEXT_MAX
 
 

@@ -41,7 +41,7 @@ static void on_refused(void *context, uint32_t device, const struct modbus_read 
 	(void)now_ns;
 	bus.last_exception = exception;
 	for (uint32_t i = 0; i < read->objects; i++)
-		bus.refused_addresses[device] |= 1ULL << bus.objects[device][read->first + i].address;
+		bus.refused_addresses[device] |= 1ULL << bus.objects[device][read->first + i].address % 64;
 }
 
 static void on_alive(void *context, uint32_t device, bool alive, int64_t now_ns)

@@ -122,7 +122,7 @@ struct bus {
 	struct sent sent[TRACE_MAX];
 	size_t sent_count;
 	unsigned reads_done[DEVICES_MAX], objects_read[DEVICES_MAX];
-	uint64_t refused_addresses[DEVICES_MAX];                    /* a bit each */
+	uint64_t refused_addresses[DEVICES_MAX];                    /* a bit each, of 64 the first again */
 	int64_t last_read_ns[DEVICES_MAX], longest_ns[DEVICES_MAX]; /* between two reads */
 	unsigned deaths[DEVICES_MAX], births[DEVICES_MAX];
 	int64_t died_ns[DEVICES_MAX];
