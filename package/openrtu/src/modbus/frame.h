@@ -42,7 +42,9 @@ enum modbus_function {
 	MODBUS_WRITE_REGISTERS = 16,
 	MODBUS_REPORT_SERVER = 17,
 	MODBUS_READ_FILE = 20,
+	MODBUS_WRITE_FILE = 21,
 	MODBUS_MASK_WRITE_REGISTER = 22,
+	MODBUS_READ_AND_WRITE = 23,
 	MODBUS_READ_FIFO = 24,
 	MODBUS_ENCAPSULATED = 43, /* of what it may carry, device identification alone */
 };

@@ -425,6 +425,11 @@ bool modbus_line_command(struct modbus_line *line, const struct modbus_command *
 bool modbus_line_pass(struct modbus_line *line, const struct modbus_passed *passed);
 /* What is asked so changes nothing, as far as the standard says: body as modbus_passed has it. */
 bool modbus_reads_only(const uint8_t *body, size_t length);
+/*
+ * Whether a body of two octets at least is as long as its function says: behind one that is not, a device on a serial line
+ * may find another request, or miss the next one. Of functions with no length of their own, always.
+ */
+bool modbus_is_whole(const uint8_t *body, size_t length);
 
 /*
  * Takes bytes that arrived by now_ns. Before a poll from listen_ns on, everything that is readable must have been given.

@@ -97,6 +97,15 @@ static bool looks_like_its_answer(const struct modbus_line *line)
 	return modbus_answer_judge(&line->request, line->frame, line->frame_length) == MODBUS_ANSWER;
 }
 
+/* What is passed on may be for a device of which nothing was read: the others have shown it. */
+static bool hears_itself(const struct modbus_line *line)
+{
+	for (uint32_t i = 0; i < line->device_count; i++)
+		if (line->devices[i].echoes > 0 && (i == line->device || line->purpose == MODBUS_PASS))
+			return true;
+	return false;
+}
+
 /*
  * A line whose transceiver hears itself brings every request back before the answer. The answer to
  * functions 5, 6 and 22 looks the same, and that to a read of 17 to 24 bits at 0x03xx may: which of the two
@@ -110,8 +119,8 @@ static bool take_echo(struct modbus_line *line)
 	    memcmp(line->received, line->frame, line->received_count) != 0)
 		return false;
 	if (line->received_count < line->frame_length)
-		return device->echoes > 0;
-	if (device->echoes == 0 && looks_like_its_answer(line))
+		return hears_itself(line);
+	if (!hears_itself(line) && looks_like_its_answer(line))
 		return false;
 	line->echoed = true;
 	device->echoes = MODBUS_ECHO_MEMORY;

@@ -30,6 +30,41 @@ bool modbus_reads_only(const uint8_t *body, size_t length)
 	}
 }
 
+/* MODBUS Application Protocol V1.1b3, 6, each behind its unit. */
+bool modbus_is_whole(const uint8_t *body, size_t length)
+{
+	switch (body[1]) {
+	case MODBUS_READ_COILS:
+	case MODBUS_READ_DISCRETE_INPUTS:
+	case MODBUS_READ_HOLDING_REGISTERS:
+	case MODBUS_READ_INPUT_REGISTERS:
+	case MODBUS_WRITE_COIL:
+	case MODBUS_WRITE_REGISTER:
+		return length == 6;
+	case MODBUS_READ_EXCEPTION_STATUS:
+	case MODBUS_READ_EVENT_COUNTER:
+	case MODBUS_READ_EVENT_LOG:
+	case MODBUS_REPORT_SERVER:
+		return length == HEAD_LENGTH;
+	case MODBUS_WRITE_COILS:
+	case MODBUS_WRITE_REGISTERS:
+		return length >= 7 && length == 7u + body[6];
+	case MODBUS_READ_FILE:
+	case MODBUS_WRITE_FILE:
+		return length >= 3 && length == 3u + body[2];
+	case MODBUS_MASK_WRITE_REGISTER:
+		return length == 8;
+	case MODBUS_READ_AND_WRITE:
+		return length >= 11 && length == 11u + body[10];
+	case MODBUS_READ_FIFO:
+		return length == 4;
+	case MODBUS_ENCAPSULATED:
+		return length > HEAD_LENGTH && (body[HEAD_LENGTH] != MODBUS_IDENTIFICATION || length == 5);
+	default:
+		return true;
+	}
+}
+
 size_t modbus_put_body(const struct modbus_line *line, uint8_t *body)
 {
 	if (line->purpose != MODBUS_PASS)
@@ -71,22 +106,33 @@ static bool is_under_way(const struct modbus_line *line)
 	return line->state == MODBUS_WAITING && line->purpose == MODBUS_PASS;
 }
 
+/* What nobody polls shows by nothing but time that it owes no answer to who had the line before. */
+static bool owes_nothing(const struct modbus_line *line, const struct modbus_device *device, int64_t now_ns)
+{
+	return now_ns >= device->trust_ns ||
+	       (device->unanswered_count == 0 && !device->inherited &&
+		(modbus_is_readable(device) || !line->framer->answers_are_alike));
+}
+
 bool modbus_may_pass(const struct modbus_line *line, int64_t now_ns)
 {
 	const struct modbus_device *device = &line->devices[line->passed.device];
 
 	return line->passing && !is_under_way(line) && now_ns >= line->pass_free_ns &&
-	       now_ns >= modbus_surely_ready_ns(device) && device->unanswered_count == 0 &&
-	       !device->inherited && modbus_is_room(line, now_ns + longest_ns(line, device));
+	       now_ns >= modbus_surely_ready_ns(device) && owes_nothing(line, device, now_ns) &&
+	       modbus_is_room(line, now_ns + longest_ns(line, device));
 }
 
 int64_t modbus_next_pass_ns(const struct modbus_line *line, int64_t now_ns)
 {
+	const struct modbus_device *device = &line->devices[line->passed.device];
 	int64_t may_ns, old_ns;
 
 	if (!line->passing || is_under_way(line))
 		return MODBUS_NEVER;
-	may_ns = later(line->pass_free_ns, modbus_surely_ready_ns(&line->devices[line->passed.device]));
+	may_ns = later(line->pass_free_ns, modbus_surely_ready_ns(device));
+	if (!owes_nothing(line, device, now_ns))
+		may_ns = later(may_ns, device->trust_ns);
 	/* One that is too old ends with the next poll that asks for anything. */
 	old_ns = later(line->passed.deadline_ns, now_ns) + 1;
 	return may_ns > now_ns ? earlier(may_ns, old_ns) : old_ns;
@@ -116,12 +162,15 @@ struct modbus_request modbus_passed_request(const struct modbus_passed *passed)
 void modbus_pass_ended(struct modbus_line *line, enum modbus_result result, const uint8_t *body,
 		       size_t length, int64_t now_ns)
 {
+	/* On a connection a request takes more than until its answer. */
+	const int64_t until_ns = later(now_ns, line->silent_ns);
+
 	if (!line->passing)
 		return;
 	line->passing = false;
 	if (line->pass_share > 0 && (result == MODBUS_DONE || result == MODBUS_TIMED_OUT))
 		line->pass_free_ns =
-		    now_ns + (now_ns - begun_ns(line)) * (WHOLE - line->pass_share) / line->pass_share;
+		    until_ns + (until_ns - begun_ns(line)) * (WHOLE - line->pass_share) / line->pass_share;
 	line->events->passed(line->context, &line->passed, result, body, length, now_ns);
 }
 

@@ -97,6 +97,27 @@ static void test_an_echo_is_no_answer(void **state)
 	assert_int_equal(bus.pass_result, MODBUS_TIMED_OUT);
 }
 
+/* Of a device that is not polled nothing has shown that the line hears itself: the others have. */
+static void test_an_echo_is_no_answer_of_a_device_that_is_not_polled(void **state)
+{
+	static const uint8_t body[] = {UNIT + 1, MODBUS_WRITE_REGISTER, 0, 50, 0x12, 0x34};
+
+	(void)state;
+	set_up();
+	bus.echoing = true;
+	add_device(UNIT, 1);
+	add_objects(MODBUS_READ_HOLDING_REGISTERS, 0, 8);
+	add_device(UNIT + 1, 1);
+	bus.slaves[1].present = false;
+	start();
+	run_for(SECOND);
+	assert_true(pass(1, body, sizeof(body), 7));
+	run_for(10 * SECOND);
+	assert_int_equal(bus.passes, 1);
+	assert_int_equal(bus.pass_result, MODBUS_TIMED_OUT);
+	assert_true(bus.devices[0].alive);
+}
+
 /* ---- nothing is learned ------------------------------------------------------------------------------ */
 
 static void test_a_refusal_is_passed_on_and_is_not_the_devices(void **state)
@@ -241,6 +262,45 @@ static void test_it_takes_its_share_of_a_scan_without_end(void **state)
 	assert_in_range(read_for(60 * SECOND, true), alone * 80 / 100, alone);
 }
 
+/* A connection is free for the next request later than an answer comes: that time is the tool's, too. */
+static void test_it_takes_its_share_of_a_connection(void **state)
+{
+	unsigned alone, beside;
+
+	(void)state;
+	start_framed(MODBUS_FRAMING_TCP);
+	bus.line.pass_share = 10;
+	bus.slaves[0].reaction_ns = MS;
+	alone = read_for(60 * SECOND, false);
+	beside = read_for(60 * SECOND, true);
+	assert_in_range(beside, alone * 85 / 100, alone);
+	assert_true(bus.passes > 100);
+}
+
+static void test_a_length_that_is_not_its_functions_is_known(void **state)
+{
+	static const uint8_t hidden[] = {UNIT, 3, 0, 0,  0,    1,    0xAA, 0xBB,
+					 0,    6, 0, 50, 0x12, 0x34, 0xCC, 0xDD};
+	static const uint8_t registers[] = {UNIT, 16, 0, 0, 0, 1, 2, 0, 7};
+	static const uint8_t both[] = {UNIT, 23, 0, 0, 0, 1, 0, 9, 0, 1, 2, 0, 7};
+	static const uint8_t identification[] = {UNIT, 43, 14, 1, 0};
+
+	(void)state;
+	assert_false(modbus_is_whole(hidden, sizeof(hidden)));
+	for (size_t length = 2; length < sizeof(registers); length++)
+		assert_false(modbus_is_whole(registers, length));
+	assert_true(modbus_is_whole(registers, sizeof(registers)));
+	for (size_t length = 2; length < sizeof(both); length++)
+		assert_false(modbus_is_whole(both, length));
+	assert_true(modbus_is_whole(both, sizeof(both)));
+	assert_true(modbus_is_whole(reading, sizeof(reading)));
+	assert_true(modbus_is_whole(writing, sizeof(writing)));
+	assert_true(modbus_is_whole(identification, sizeof(identification)));
+	assert_false(modbus_is_whole(identification, 4));
+	assert_true(modbus_is_whole((const uint8_t[]){UNIT, 17}, 2));
+	assert_false(modbus_is_whole((const uint8_t[]){UNIT, 17, 0}, 3));
+}
+
 static void test_periods_are_kept(void **state)
 {
 	(void)state;
@@ -316,6 +376,7 @@ int main(void)
 	    cmocka_unit_test(test_a_request_gets_its_answer_in_each_framing),
 	    cmocka_unit_test(test_any_function_passes),
 	    cmocka_unit_test(test_an_echo_is_no_answer),
+	    cmocka_unit_test(test_an_echo_is_no_answer_of_a_device_that_is_not_polled),
 	    cmocka_unit_test(test_a_refusal_is_passed_on_and_is_not_the_devices),
 	    cmocka_unit_test(test_silence_says_nothing_of_the_device),
 	    cmocka_unit_test(test_a_peer_that_hangs_up_on_it_is_not_lost),
@@ -323,6 +384,8 @@ int main(void)
 	    cmocka_unit_test(test_another_units_answer_is_not_taken),
 	    cmocka_unit_test(test_a_flood_is_no_answer),
 	    cmocka_unit_test(test_it_takes_its_share_of_a_scan_without_end),
+	    cmocka_unit_test(test_it_takes_its_share_of_a_connection),
+	    cmocka_unit_test(test_a_length_that_is_not_its_functions_is_known),
 	    cmocka_unit_test(test_periods_are_kept),
 	    cmocka_unit_test(test_without_room_it_is_not_sent),
 	    cmocka_unit_test(test_a_lost_port_ends_it),

@@ -321,6 +321,8 @@ void modbus_request_torn(struct modbus_line *line, int64_t now_ns)
 
 	if (line->purpose == MODBUS_PASS) {
 		pass_unanswered(line, now_ns, now_ns);
+		/* What it costs to connect again is its cost, too. */
+		line->pass_free_ns = later(line->pass_free_ns, now_ns + NS_PER_S);
 		return;
 	}
 	/* A server of serial devices gives the next connection what comes late for this one. */

@@ -150,7 +150,8 @@ static bool same_slave(const struct map_config *a, uint32_t in_a, const struct m
 	    of_a->max_bits != of_b->max_bits || of_a->max_registers != of_b->max_registers ||
 	    of_a->no_holes != of_b->no_holes || of_a->probe_max_s != of_b->probe_max_s ||
 	    of_a->reaction_us != of_b->reaction_us || of_a->pause_ms != of_b->pause_ms ||
-	    of_a->writes_multiple != of_b->writes_multiple || of_a->not_asked != of_b->not_asked)
+	    of_a->writes_multiple != of_b->writes_multiple || of_a->not_asked != of_b->not_asked ||
+	    of_a->page_address != of_b->page_address)
 		return false;
 	if (!same_expected(a, in_a, b, in_b))
 		return false;

@@ -115,7 +115,7 @@ static void answer(struct passing *passing, struct passing_tool *tool, const uin
 
 	memcpy(frame + MODBUS_MBAP_PREFIX, body, length);
 	size = modbus_mbap_seal(frame, modbus_register(tool->frame, 0), length);
-	tool->waiting = false;
+	tool->waiting = tool->refused = false;
 	tool->tag = 0;
 	tool->count = 0;
 	if (bare_transmit(tool->fd, frame, size) != (ssize_t)size ||
@@ -179,8 +179,8 @@ static bool is_allowed(const struct modbus_pass *pass, const struct passing_tool
 	const uint8_t *body = body_of(tool);
 	const bool reads = modbus_reads_only(body, length_of(tool));
 
-	return !(body[1] & MODBUS_EXCEPTION_BIT) && has(pass->units, body[0]) &&
-	       has(reads ? pass->functions : pass->write_functions, body[1]);
+	return !(body[1] & MODBUS_EXCEPTION_BIT) && modbus_is_whole(body, length_of(tool)) &&
+	       has(pass->units, body[0]) && has(reads ? pass->functions : pass->write_functions, body[1]);
 }
 
 static void take_request(struct passing *passing, struct passing_tool *tool, int64_t now_ns)
@@ -194,7 +194,7 @@ static void take_request(struct passing *passing, struct passing_tool *tool, int
 		map_log(passing->map, MAP_LOG_WARNING,
 			"port %u: %s asks unit %u function %u, which pass_through does not allow",
 			port_of(passing), tool->peer, body_of(tool)[0], body_of(tool)[1]);
-	refuse(passing, tool, MODBUS_NO_PATH, "not allowed");
+	tool->refused = true;
 }
 
 /* One frame at a time; what follows it stays in the socket. False: it is over, or no Modbus. */
@@ -238,8 +238,7 @@ static void give_to_line(struct passing *passing, struct passing_tool *tool)
 		passing->tag = 1;
 	passed.tag = tool->tag = passing->tag;
 	memcpy(passed.body, body_of(tool), passed.length);
-	if (!modbus_line_pass(passing->line, &passed))
-		refuse(passing, tool, MODBUS_NO_PATH, "not sent");
+	tool->refused = !modbus_line_pass(passing->line, &passed);
 }
 
 bool passing_offer(struct passing *passing, int64_t now_ns)
@@ -252,7 +251,7 @@ bool passing_offer(struct passing *passing, int64_t now_ns)
 		if (passing->line->passing)
 			return given;
 		passing->turn++;
-		if (tool->fd < 0 || !tool->waiting)
+		if (tool->fd < 0 || !tool->waiting || tool->refused)
 			continue;
 		if (now_ns > tool->deadline_ns)
 			refuse(passing, tool, MODBUS_NO_PATH, "not sent");
@@ -303,7 +302,9 @@ void passing_watch(struct passing *passing, int64_t now_ns)
 	for (uint32_t i = 0; passing->pass != NULL && i < MODBUS_PASS_CONNECTIONS_MAX; i++) {
 		struct passing_tool *tool = &passing->tools[i];
 
-		if (tool->fd >= 0 && !tool->waiting && now_ns - tool->heard_ns > PASSING_IDLE_NS)
+		if (tool->fd >= 0 && tool->refused)
+			refuse(passing, tool, MODBUS_NO_PATH, "not allowed, or not sent");
+		else if (tool->fd >= 0 && !tool->waiting && now_ns - tool->heard_ns > PASSING_IDLE_NS)
 			send_away(tool);
 	}
 }

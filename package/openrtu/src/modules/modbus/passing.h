@@ -28,6 +28,8 @@ struct passing_tool {
 	uint8_t frame[MODBUS_MBAP_FRAME_MAX]; /* its request, or the beginning of one */
 	size_t count;
 	bool waiting; /* its request is whole, and has no answer */
+	bool
+	    refused; /* and gets none but a refusal, with the next heartbeat: nobody asks faster for nothing */
 	uint32_t tag; /* of that request on the line; 0: it is not there yet */
 	int64_t deadline_ns;
 	int64_t heard_ns;

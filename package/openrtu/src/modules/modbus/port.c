@@ -283,7 +283,7 @@ static void open_udp(struct port *port, int64_t now_ns)
 
 	port->fd = udp_connect(port->config->device, port->config->tcp_port, error);
 	if (port->fd < 0 || !wait_for_port(port, EPOLLIN, error))
-		retry_port(port, error, "", now_ns);
+		fail_to_connect(port, error, now_ns);
 	else
 		begin_line(port, now_ns);
 }
