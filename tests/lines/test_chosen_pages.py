@@ -95,3 +95,11 @@ def test_the_log_and_the_plan_tell_the_write(bench: Bench, programs: Path) -> No
     command = [programs / "rtud/rtud", "--plan", bench.gateway.config_file]
     plan = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     assert f"behind a write of 7 to register {CHOICE}" in plan
+
+
+def test_a_reload_takes_another_register_of_the_choice(bench: Bench) -> None:
+    """The line's process wrote the former one before: it is exchanged."""
+    config = bench.gateway.configuration()
+    config["port"][0]["slaves"][0]["page_address"] = CHOICE + 1
+    said = bench.gateway.ctl("reload", "--dry-run", bench.gateway.put(config))
+    assert "rtu-modbus-1 gets a new process" in said
