@@ -60,6 +60,7 @@ struct config_rule {
 	enum config_kind kind;
 	bool required;
 	bool page;                          /* the gateway's page may change it: config/page.h */
+	bool stays;                         /* but not beside what it may not change: what that acts on */
 	const struct config_inside *inside; /* of that, what its own keys' rows say; NULL: all of it */
 	double low, high;
 	const char *const *choices; /* ends with NULL */

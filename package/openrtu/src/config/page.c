@@ -101,6 +101,15 @@ static void compare_whole(struct config_report *report, const struct config_plac
 			     "change it");
 }
 
+/* Beside what is locked: what that acts on. */
+static void compare_bound(struct config_report *report, const struct config_place *place, struct pair pair)
+{
+	if (pair.was == NULL || pair.is == NULL || !json_equal(pair.was, pair.is))
+		config_error(report, place,
+			     "is not as in the file in force: it stays, since there are keys beside it "
+			     "that the page may not change");
+}
+
 /* The next element from *next on that has something locked. NULL: there is none. */
 static const json_t *next_locked(const json_t *array, const struct config_inside *inside, size_t *next)
 {
@@ -174,11 +183,31 @@ static bool is_no_object(const json_t *json)
 	return json != NULL && !json_is_object(json);
 }
 
+/* In both files, and with something locked in one of them. */
+static bool binds(struct pair object, const struct config_inside *inside)
+{
+	return object.was != NULL && object.is != NULL &&
+	       (has_locked_key(object.was, inside) || has_locked_key(object.is, inside));
+}
+
+static void compare_key(struct config_report *report, const struct config_place *object, const char *key,
+			struct pair pair, const struct config_inside *inside, bool bound)
+{
+	const struct config_place here = config_key_of(object, key);
+	const struct config_rule *rule = rule_of(inside, key);
+
+	if (bound && rule != NULL && rule->page && (rule->stays || inside->whole))
+		compare_bound(report, &here, pair);
+	else
+		compare_value(report, &here, pair, rule);
+}
+
 static void compare_object(struct config_report *report, const struct config_place *place, struct pair pair,
 			   const struct config_inside *inside)
 {
 	const char *key;
 	json_t *value;
+	bool bound;
 
 	if (json_is_null(pair.was))
 		pair.was = NULL;
@@ -188,19 +217,16 @@ static void compare_object(struct config_report *report, const struct config_pla
 		compare_whole(report, place, pair);
 		return;
 	}
+	bound = binds(pair, inside);
 	json_object_foreach((json_t *)pair.is, key, value)
 	{
-		const struct config_place here = config_key_of(place, key);
-
-		compare_value(report, &here, (struct pair){json_object_get(pair.was, key), value},
-			      rule_of(inside, key));
+		compare_key(report, place, key, (struct pair){json_object_get(pair.was, key), value}, inside,
+			    bound);
 	}
 	json_object_foreach((json_t *)pair.was, key, value)
 	{
-		const struct config_place here = config_key_of(place, key);
-
 		if (json_object_get(pair.is, key) == NULL)
-			compare_value(report, &here, (struct pair){value, NULL}, rule_of(inside, key));
+			compare_key(report, place, key, (struct pair){value, NULL}, inside, bound);
 	}
 }
 

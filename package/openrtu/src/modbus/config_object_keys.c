@@ -266,7 +266,7 @@ const struct config_rule modbus_object_rules[OBJECT_KEYS] = {
 		       CONFIG_SAYS(
 			   "Milliseconds between two reads from the device. Without it, the slave's; of "
 			   "a text, an hour.")},
-    [OBJECT_PAGE] = {"page", CONFIG_INTEGER, .page = true, .low = 0, .high = UINT16_MAX,
+    [OBJECT_PAGE] = {"page", CONFIG_INTEGER, .low = 0, .high = UINT16_MAX,
 		     CONFIG_SAYS(
 			 "What is written to the slave's `page_address` before each read of the object. "
 			 "It takes no commands.",
@@ -290,7 +290,7 @@ const struct config_rule modbus_object_rules[OBJECT_KEYS] = {
 				      "device has among its settings. Only coils and holding_registers.",
 				      .see = "configuration.md#written-elsewhere-or-only-written")},
     [OBJECT_WRITE_VALUES] =
-	{"write_values", CONFIG_ARRAY, .page = true, .high = MODBUS_OBJECT_KEPT_MAX,
+	{"write_values", CONFIG_ARRAY, .high = MODBUS_OBJECT_KEPT_MAX,
 	 CONFIG_SAYS(
 	     "What the gateway itself writes to the object, one after the other and from the first again, "
 	     "in the unit of the value sent. With `write_at_return` or `write_every_ms`; without it, "
@@ -302,18 +302,19 @@ const struct config_rule modbus_object_rules[OBJECT_KEYS] = {
 							       "examples" : [ [1], [ 0, 1 ] ]
 						       }))},
     [OBJECT_WRITE_AT_RETURN] =
-	{"write_at_return", CONFIG_BOOLEAN, .page = true,
+	{"write_at_return", CONFIG_BOOLEAN,
 	 CONFIG_SAYS("The gateway writes the object when its device answers for the first time, and when it "
 		     "is back. Not of double and counter.",
 		     .see = "configuration.md#written-by-the-gateway-itself")},
     [OBJECT_WRITE_EVERY] =
-	{"write_every_ms", CONFIG_INTEGER, .page = true, .low = 100, .high = 86400000,
+	{"write_every_ms", CONFIG_INTEGER, .low = 100, .high = 86400000,
 	 CONFIG_SAYS(
 	     "Milliseconds between two writes of the object by the gateway itself, for as long as its "
 	     "device answers; also what `write_at_return` does.",
 	     .see = "configuration.md#written-by-the-gateway-itself")},
 };
-const struct config_inside modbus_object_inside = {.rules = modbus_object_rules, .count = OBJECT_KEYS};
+const struct config_inside modbus_object_inside = {
+    .rules = modbus_object_rules, .count = OBJECT_KEYS, .whole = true};
 const char *const modbus_link_keys[MODBUS_LINKS] = {
     [MODBUS_BLOCKED_BY] = "blocked_by",         [MODBUS_SUBSTITUTED_BY] = "substituted_by",
     [MODBUS_NOT_TOPICAL_BY] = "not_topical_by", [MODBUS_SCALE_BY] = "scale_by",

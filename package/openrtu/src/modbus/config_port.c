@@ -62,10 +62,12 @@ enum { LINE_RTU, LINE_ASCII };
 static const char *const line_framings[] = {[LINE_RTU] = "rtu", [LINE_ASCII] = "ascii", NULL};
 static const struct config_rule port_rules[PORT_KEYS] = {
     [PORT_VALUE] =
-	{"value", CONFIG_INTEGER, .page = true, .required = true, .low = 1, .high = MODBUS_PORTS_MAX,
+	{"value", CONFIG_INTEGER, .page = true, .stays = true, .required = true, .low = 1,
+	 .high = MODBUS_PORTS_MAX,
 	 CONFIG_SAYS(
 	     "Number of the port, once in the file. 1 to 6 are the board's; beyond, device is needed.")},
-    [PORT_ACTIVE] = {"active", CONFIG_INTEGER, .page = true, .required = true, .low = 0, .high = 1,
+    [PORT_ACTIVE] = {"active", CONFIG_INTEGER, .page = true, .stays = true, .required = true, .low = 0,
+		     .high = 1,
 		     CONFIG_SAYS("1: the line is used; 0: it is not, and nothing else of the port counts.")},
     [PORT_BAUD_RATE] =
 	{"baud_rate", CONFIG_INTEGER, .page = true, .required = true, .low = 300, .high = 4000000,
@@ -181,13 +183,14 @@ static const char *const framings[] = {
 static const char *const transports[] = {[MODBUS_OVER_TCP] = "tcp", [MODBUS_OVER_UDP] = "udp", NULL};
 static const struct config_rule tcp_rules[TCP_KEYS] = {
     [TCP_VALUE] =
-	{"value", CONFIG_INTEGER, .page = true, .required = true, .low = COUNT(board_devices) + 1,
-	 .high = MODBUS_PORTS_MAX,
+	{"value", CONFIG_INTEGER, .page = true, .stays = true, .required = true,
+	 .low = COUNT(board_devices) + 1, .high = MODBUS_PORTS_MAX,
 	 CONFIG_SAYS(
 	     "Number of the connection, which is a port like others, once in the file; 1 to 6 are serial.")},
-    [TCP_ACTIVE] = {"active", CONFIG_INTEGER, .page = true, .required = true, .low = 0, .high = 1,
+    [TCP_ACTIVE] = {"active", CONFIG_INTEGER, .page = true, .stays = true, .required = true, .low = 0,
+		    .high = 1,
 		    CONFIG_SAYS("1: the connection is used; 0: it is not, and nothing else of it counts.")},
-    [TCP_HOST] = {KEY_HOST, CONFIG_TEXT, .page = true, .required = true, .low = 1,
+    [TCP_HOST] = {KEY_HOST, CONFIG_TEXT, .page = true, .stays = true, .required = true, .low = 1,
 		  .high = MAP_ADDRESS_SIZE - 1,
 		  CONFIG_SAYS("IPv4 or IPv6 address of the device, or of the gateway before its devices. Not "
 			      "a name: to look it up may take long.",
@@ -195,7 +198,7 @@ static const struct config_rule tcp_rules[TCP_KEYS] = {
 				      "anyOf" : [ {"format" : "ipv4"}, {"format" : "ipv6"} ],
 				      "examples" : [ "192.0.2.7", "2001:db8::7" ]
 			      }))},
-    [TCP_PORT] = {KEY_TCP_PORT, CONFIG_INTEGER, .page = true, .low = 1, .high = UINT16_MAX,
+    [TCP_PORT] = {KEY_TCP_PORT, CONFIG_INTEGER, .page = true, .stays = true, .low = 1, .high = UINT16_MAX,
 		  .fallback = TCP_PORT_DEFAULT,
 		  CONFIG_SAYS("TCP port; with transport udp, the port of UDP.")},
     [TCP_SLAVES] = {MODBUS_KEY_SLAVES, CONFIG_ARRAY, .page = true, .inside = &modbus_slave_inside,

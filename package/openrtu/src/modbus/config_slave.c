@@ -63,7 +63,7 @@ CONFIG_TABLE(identification_table, .name = "identification", .rules = identifica
 	     .count = IDENTIFICATION_KEYS);
 static const char *const write_functions[] = {"single", "multiple", NULL};
 static const struct config_inside modbus_overrides_inside = {
-    .rules = modbus_object_rules, .count = OBJECT_KEYS, .by_name = true};
+    .rules = modbus_object_rules, .count = OBJECT_KEYS, .by_name = true, .whole = true};
 static const struct config_rule slave_rules[SLAVE_KEYS] = {
     [MODBUS_COILS] = {"coils", CONFIG_ARRAY, .page = true, .inside = &modbus_object_inside,
 		      .high = CONFIG_POINTS_MAX,
@@ -137,7 +137,7 @@ static const struct config_rule slave_rules[SLAVE_KEYS] = {
 					  .table = &identification_table,
 					  .see = "configuration.md#what-a-device-is")},
     [SLAVE_PAGE_ADDRESS] =
-	{"page_address", CONFIG_INTEGER, .page = true, .low = 0, .high = MODBUS_ADDRESS_LAST,
+	{"page_address", CONFIG_INTEGER, .low = 0, .high = MODBUS_ADDRESS_LAST,
 	 CONFIG_SAYS("Modbus address of the holding register that chooses what the device has at the "
 		     "addresses of objects with `page`. The gateway writes it before each read of these.",
 		     .see = "configuration.md#pages", .unset = true)},
@@ -163,8 +163,8 @@ static const struct config_rule slave_rules[SLAVE_KEYS] = {
 	 CONFIG_SAYS(
 	     "Put before each name that an object of the slave has, and before the names of status bits.",
 	     .pattern = "^[^\\u0000-\\u0020\\u007f*?\\[\\]\\\\]*$")},
-    [SLAVE_ID] = {"id", CONFIG_INTEGER, .page = true, .required = true, .low = MODBUS_BROADCAST,
-		  .high = MODBUS_UNIT_MAX,
+    [SLAVE_ID] = {"id", CONFIG_INTEGER, .page = true, .stays = true, .required = true,
+		  .low = MODBUS_BROADCAST, .high = MODBUS_UNIT_MAX,
 		  CONFIG_SAYS("Modbus address, once on a line. 0 is the broadcast: coils and "
 			      "holding_registers only, written and never read.")},
     [SLAVE_TEMPLATE] = {MODBUS_KEY_TEMPLATE, CONFIG_TEXT, .page = true, .low = 1, .high = MAP_NAME_SIZE - 1,

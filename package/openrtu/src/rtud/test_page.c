@@ -134,14 +134,53 @@ static void test_locked_elements_keep_their_order(void **state)
 {
 	(void)state;
 	assert_free("{'port': [{'value': 7, 'device': 'a'}, {'value': 8, 'device': 'b'}]}",
-		    "{'port': [{'value': 1}, {'value': 7, 'device': 'a'}, {'value': 2}, {'value': 9, "
-		    "'device': 'b'}]}");
+		    "{'port': [{'value': 1}, {'value': 7, 'device': 'a'}, {'value': 2}, {'value': 8, "
+		    "'device': 'b', 'baud_rate': 9600}]}");
 	assert_refused("{'port': [{'device': 'a'}, {'device': 'b'}]}",
 		       "{'port': [{'device': 'b'}, {'device': 'a'}]}", "port[0].device: is another one");
 	assert_refused("{'port': [{'device': 'a'}, {'device': 'b'}]}", "{'port': [{'device': 'a'}]}",
 		       "device: is missing");
 	assert_refused("{'port': [{'device': 'a'}]}", "{'port': [{'device': 'a'}, {'device': 'a'}]}",
 		       "port[1].device: is new");
+}
+
+/* An installer commands nothing: not by what the gateway writes itself, either. */
+static void test_what_the_gateway_writes_itself_is_refused(void **state)
+{
+	(void)state;
+	assert_refused(SLAVE("{'address': 1}"), SLAVE("{'address': 1, 'write_values': [1]}"),
+		       "coils[0].write_values: is new");
+	assert_refused(SLAVE(""), SLAVE("{'address': 1, 'write_at_return': true}"),
+		       "coils[0].write_at_return: is new");
+	assert_refused(SLAVE("{'address': 1, 'write_every_ms': 1000}"),
+		       SLAVE("{'address': 1, 'write_every_ms': 100}"), "write_every_ms: is another one");
+	assert_refused(LINE("{'id': 1}"), LINE("{'id': 1, 'page_address': 7}"), "page_address: is new");
+	assert_refused(SLAVE("{'address': 1}"), SLAVE("{'address': 1, 'page': 7}"), "page: is new");
+	assert_refused(LINE("{'id': 1}"), LINE("{'id': 1, 'overrides': {'a': {'write_values': [1]}}}"),
+		       "overrides.a.write_values: is new");
+}
+
+/* Nor by moving that to where it does something else. */
+static void test_what_is_locked_acts_on_what_it_did(void **state)
+{
+	(void)state;
+	assert_refused("{'port': [{'value': 7, 'pass_through': {}}, {'value': 8}]}",
+		       "{'port': [{'value': 8, 'pass_through': {}}, {'value': 7}]}",
+		       "port[0].value: is not as in the file in force");
+	assert_refused("{'port': [{'active': 0, 'pass_through': {}}]}",
+		       "{'port': [{'active': 1, 'pass_through': {}}]}", "port[0].active: is not as");
+	assert_refused("{'port': [{'host': 'a', 'tcp_port': 1, 'process': 2}]}",
+		       "{'port': [{'host': 'b', 'process': 2}]}", "port[0].tcp_port: is not as");
+	assert_refused(SLAVE("{'address': 1, 'write_values': [1]}"),
+		       SLAVE("{'address': 2, 'write_values': [1]}"), "coils[0].address: is not as");
+	assert_refused(SLAVE("{'address': 1, 'write_values': [1]}"),
+		       SLAVE("{'address': 1, 'write_values': [1], 'inverted': true}"),
+		       "coils[0].inverted: is not as");
+	assert_refused(LINE("{'id': 1, 'page_address': 7}"), LINE("{'id': 2, 'page_address': 7}"),
+		       "slaves[0].id: is not as");
+	assert_free(
+	    LINE("{'id': 1, 'page_address': 7}"),
+	    LINE("{'id': 3}, {'id': 1, 'page_address': 7, 'period_ms': 100, 'coils': [{'address': 1}]}"));
 }
 
 static void test_other_forms_hide_nothing(void **state)
@@ -271,6 +310,8 @@ int main(void)
 		cmocka_unit_test(test_what_else_differs_is_refused_at_its_line),
 		cmocka_unit_test(test_a_device_of_the_machine_is_refused),
 		cmocka_unit_test(test_locked_elements_keep_their_order),
+		cmocka_unit_test(test_what_the_gateway_writes_itself_is_refused),
+		cmocka_unit_test(test_what_is_locked_acts_on_what_it_did),
 		cmocka_unit_test(test_other_forms_hide_nothing),
 #if OPENRTU_SCHEMA
 		cmocka_unit_test(test_each_key_is_refused_unless_its_row_lets_it),
