@@ -155,11 +155,23 @@ def test_what_the_page_may_not_or_nobody_can(
     assert page.gateway.config_file.read_text() == before
 
 
+@pytest.mark.parametrize("form", ['{"include": ["other"],', '{"include": [], "include": ["other"],'])
+def test_a_file_that_the_page_may_not_name_is_not_opened(page: Page, installer: Client, form: str) -> None:
+    """rtud may read what the page may not: the reader's complaints of it would show its words."""
+    (page.folder / "other").write_text("hush, this is no JSON")
+    before = page.gateway.config_file.read_text()
+    text = before.replace("{", form.replace("other", str(page.folder / "other")), 1)
+    said = check(installer, text, load(installer)["base"])
+    assert not said["good"] and "include: is new" in said["report"]
+    assert "hush" not in said["report"] and "/other" not in said["report"]
+
+
 def test_what_is_no_json_is_named_at_its_line(page: Page, installer: Client) -> None:
     base = load(installer)["base"]
+    before = page.gateway.config_file.read_text()
     for text, message in (
         ('{\n  "port": [],\n}', ":2:"),
-        ('{\n"port": [],\n"port": []}', "duplicate"),
+        (before.replace("{", '{"port": [],', 1), "duplicate"),
         ("\x00\xff", ":1:"),
     ):
         said = check(installer, text, base)

@@ -215,6 +215,8 @@ static void name_entry(uint32_t number, const char *user, char out[NAME_MAX + 1]
 
 	for (size_t i = 0; i < WEB_USER_SIZE - 1 && user[i] != '\0'; i++)
 		safe[i] = isalnum((unsigned char)user[i]) || strchr(".-", user[i]) ? user[i] : '-';
+	if (safe[0] == '\0')
+		safe[0] = '-'; /* or nobody finds the entry again */
 	strftime(time_text, sizeof(time_text), "%Y-%m-%dT%H:%M:%SZ", gmtime_r(&now, &utc));
 	snprintf(out, NAME_MAX + 1, NAME_FORM, number, time_text, safe);
 }

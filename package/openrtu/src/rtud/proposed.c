@@ -103,7 +103,21 @@ static bool take_text(const struct supervisor *supervisor, FILE *report)
 	       proposed_say_errno(report, PROPOSED_FILE);
 }
 
-/* One that is no JSON is read on, so that its reader says where. */
+/* As the file's reader has it: of a key that is given twice, which that refuses, the last. */
+static json_t *parse(const struct history_text *text)
+{
+	json_error_t error;
+	json_t *json = json_loadb(text->octets, text->length, JSON_REJECT_DUPLICATES, &error);
+
+	if (json == NULL && json_error_code(&error) == json_error_duplicate_key)
+		json = json_loadb(text->octets, text->length, 0, &error);
+	return json;
+}
+
+/*
+ * What the page may not propose is not read, since a file names others, which rtud may open and the page may not. One that is no
+ * JSON names none: it is read on, so that its reader says where.
+ */
 static enum setup_verdict compare(const struct supervisor *supervisor, const struct history_text *in_force,
 				  const struct history_text *proposed, FILE *report)
 {
@@ -115,15 +129,16 @@ static enum setup_verdict compare(const struct supervisor *supervisor, const str
 	    .messages = report,
 	    .source = {proposed_source(supervisor->options), proposed->octets, proposed->length},
 	};
-	json_t *was = json_loadb(in_force->octets, in_force->length, JSON_REJECT_DUPLICATES, NULL);
-	json_t *is = json_loadb(proposed->octets, proposed->length, JSON_REJECT_DUPLICATES, NULL);
+	json_t *was = parse(in_force), *is = parse(proposed);
 	enum setup_verdict verdict = SETUP_ONLY;
 
-	if (was != NULL && is != NULL) {
+	if (is != NULL) {
 		config_check_page(&said, was, is, &file);
 		config_report_end(&said);
-		verdict = said.errors == 0 ? SETUP_READ : SETUP_ONLY;
+		verdict = said.errors == 0 ? SETUP_READ : SETUP_REFUSED;
 	}
+	if (verdict == SETUP_REFUSED)
+		fputs("what else is wrong is not looked for until the page may change all of this\n", report);
 	json_decref(was);
 	json_decref(is);
 	return verdict;
@@ -147,9 +162,10 @@ static enum setup_verdict judge(const struct supervisor *supervisor, enum setup_
 	else {
 		verdict = compare(supervisor, &in_force, &proposed, report);
 		supervisor->setup.told->text = proposed.hash;
-		/* What was checked is what is applied. */
-		if (job == SETUP_JOB_APPLY && proposed.hash != supervisor->setup.proposal.text)
-			verdict = SETUP_ONLY;
+		if (job == SETUP_JOB_APPLY && proposed.hash != supervisor->setup.proposal.text) {
+			fputs("this is not what was checked: check it again\n", report);
+			verdict = SETUP_REFUSED;
+		}
 		free(proposed.octets);
 	}
 	free(in_force.octets);

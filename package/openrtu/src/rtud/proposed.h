@@ -14,7 +14,7 @@
 /* What such a process looks at before it reads the file. */
 enum setup_verdict {
 	SETUP_READ,    /* it may come into force */
-	SETUP_ONLY,    /* read it to say what is wrong with it; it may not */
+	SETUP_ONLY,    /* it is no JSON: read it to say where */
 	SETUP_REFUSED, /* said why */
 };
 

@@ -48,11 +48,18 @@ static void tell(const struct supervisor *supervisor)
 /* The page's process may write meanwhile: what was copied is looked at, nothing else. */
 static void copy_user(const struct web_setup *wish, char user[WEB_USER_SIZE])
 {
+	json_t *said;
+
 	memcpy(user, wish->user, WEB_USER_SIZE - 1);
 	user[WEB_USER_SIZE - 1] = '\0';
 	for (char *c = user; *c != '\0'; c++)
 		if ((unsigned char)*c <= ' ' || *c == '\x7f')
 			*c = '?';
+	said = json_string(user);
+	for (char *c = user; said == NULL && *c != '\0'; c++) /* it is not UTF-8 */
+		if ((unsigned char)*c > '\x7f')
+			*c = '?';
+	json_decref(said);
 }
 
 /* ---- beside rtud: a text that is shown, the file that is written ------------------------------------- */
@@ -243,6 +250,8 @@ static enum proposal_task begin(struct supervisor *supervisor, const struct map_
 	    supervisor->reset_at_ns != 0)
 		return PROPOSAL_REFUSE;
 	copy_user(wish, user);
+	if (user[0] == '\0')
+		return PROPOSAL_REFUSE;
 	task = proposal_ask(&setup->proposal, (enum setup_wish)request->detail, user, proposed, map_now_ns());
 	if (task == PROPOSAL_REFUSE)
 		return task;

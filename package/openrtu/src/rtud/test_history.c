@@ -129,6 +129,18 @@ static void test_what_was_there_can_be_had_again(void **state)
 	assert_false(history_recall(path, 2, &text));
 }
 
+static void test_who_has_no_name_is_listed_too(void **state)
+{
+	json_t *list;
+
+	(void)state;
+	assert_true(replace("two", "two", ""));
+	list = history_list(path);
+	assert_int_equal(json_array_size(list), 2);
+	assert_string_equal(json_string_value(json_object_get(json_array_get(list, 0), "user")), "-");
+	json_decref(list);
+}
+
 static void test_so_many_are_kept(void **state)
 {
 	json_t *list;
@@ -139,7 +151,7 @@ static void test_so_many_are_kept(void **state)
 	list = history_list(path);
 	assert_int_equal(json_array_size(list), SETUP_HISTORY);
 	assert_int_equal(json_integer_value(json_object_get(json_array_get(list, 0), "number")),
-			 SETUP_HISTORY + 6);
+			 SETUP_HISTORY + 7);
 	json_decref(list);
 }
 
@@ -214,6 +226,7 @@ int main(void)
 {
 	const struct CMUnitTest tests[] = {
 	    cmocka_unit_test(test_what_was_there_can_be_had_again),
+	    cmocka_unit_test(test_who_has_no_name_is_listed_too),
 	    cmocka_unit_test(test_so_many_are_kept),
 	    cmocka_unit_test(test_what_cannot_be_written_stays),
 	    cmocka_unit_test(test_a_file_that_was_not_there_is_made),
