@@ -95,6 +95,23 @@ enum proposal_task proposal_wait(struct proposal *proposal, int64_t now_ns)
 	return enter(proposal, PROPOSAL_RETURNING, PROPOSAL_GO_BACK);
 }
 
+bool proposal_begins(struct proposal_pace *pace, int64_t now_ns)
+{
+	if (pace->paid_ns < now_ns)
+		pace->paid_ns = now_ns;
+	if (pace->paid_ns - now_ns > (PROPOSAL_AT_ONCE - 1) * NS_PER_S)
+		return false;
+	pace->began_ns = now_ns;
+	pace->paid_ns += NS_PER_S;
+	return true;
+}
+
+void proposal_rests(struct proposal_pace *pace, int64_t now_ns)
+{
+	pace->paid_ns += now_ns - pace->began_ns;
+	pace->began_ns = now_ns;
+}
+
 bool proposal_holds(const struct proposal *proposal)
 {
 	return proposal->phase >= PROPOSAL_APPLYING;

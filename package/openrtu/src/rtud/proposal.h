@@ -9,6 +9,8 @@
 #include "web/setup.h"
 
 #define PROPOSAL_AGAIN_S 10 /* until what could not be taken back is tried again */
+/* Texts that are shown or checked without a rest; then one for each second of it. */
+#define PROPOSAL_AT_ONCE 60
 
 enum proposal_phase {
 	PROPOSAL_NONE,
@@ -36,6 +38,17 @@ struct proposal {
 	uint32_t text;            /* its hash, from when it was checked */
 	int64_t until_ns;         /* of a trial; of one that is stuck */
 };
+
+/* How often a process beside rtud begins: one that never rests would keep others from a reload. */
+struct proposal_pace {
+	int64_t began_ns; /* the last one */
+	int64_t paid_ns;  /* when all have had their second of rest */
+};
+
+/* False: not now. */
+bool proposal_begins(struct proposal_pace *pace, int64_t now_ns);
+/* What began last has ended: its time was no rest. */
+void proposal_rests(struct proposal_pace *pace, int64_t now_ns);
 
 /* A wish, but SETUP_SHOW: what is to be done. */
 enum proposal_task proposal_ask(struct proposal *proposal, enum setup_wish wish, const char *user,

@@ -53,7 +53,8 @@ static void take_wish(struct supervisor *supervisor, const struct map_request *r
 	struct map_module requester, module;
 	struct child *child;
 
-	if (supervisor->reload.phase != RELOAD_IDLE) {
+	/* A check exchanges nothing. */
+	if (supervisor->reload.phase != RELOAD_IDLE && supervisor->reload.job != SETUP_JOB_CHECK) {
 		map_request_answer(supervisor->map, request, MAP_RESULT_INTERLOCK);
 		return;
 	}

@@ -153,7 +153,7 @@ static bool start_worker(struct supervisor *supervisor, const struct map_request
 	struct setup *setup = &supervisor->setup;
 	const pid_t parent = getpid();
 
-	if (setup->worker != 0)
+	if (setup->worker != 0 || (shown != NULL && !proposal_begins(&setup->pace, map_now_ns())))
 		return false;
 	setup->deadline_ns = map_now_ns() + WORKER_MS * NS_PER_MS;
 	setup->shown = shown != NULL ? *shown : (struct map_request){.requester = 0};
@@ -216,6 +216,8 @@ static void ended(struct supervisor *supervisor, bool good)
 	const enum proposal_task task =
 	    proposal_ended(&setup->proposal, good, setup->told->text, map_now_ns());
 
+	if (was == PROPOSAL_CHECKING)
+		proposal_rests(&setup->pace, map_now_ns());
 	if (was == PROPOSAL_KEEPING)
 		log_step(supervisor, good ? "has confirmed: the file is written"
 					  : "has confirmed, but the file cannot be written");
@@ -250,7 +252,8 @@ static enum proposal_task begin(struct supervisor *supervisor, const struct map_
 	    supervisor->reset_at_ns != 0)
 		return PROPOSAL_REFUSE;
 	copy_user(wish, user);
-	if (user[0] == '\0')
+	if (user[0] == '\0' ||
+	    (request->detail == SETUP_CHECK && !proposal_begins(&setup->pace, map_now_ns())))
 		return PROPOSAL_REFUSE;
 	task = proposal_ask(&setup->proposal, (enum setup_wish)request->detail, user, proposed, map_now_ns());
 	if (task == PROPOSAL_REFUSE)
@@ -338,9 +341,11 @@ bool setup_reap(struct supervisor *supervisor, pid_t pid, int status)
 	if (setup->worker == 0 || pid != setup->worker)
 		return false;
 	setup->worker = 0;
-	if (shown.requester != 0)
+	if (shown.requester != 0) {
+		proposal_rests(&setup->pace, map_now_ns());
 		map_request_answer(supervisor->map, &shown, good ? MAP_RESULT_DONE : MAP_RESULT_OUT_OF_RANGE);
-	else
+	} else {
 		ended(supervisor, good || is_kept(supervisor));
+	}
 	return true;
 }

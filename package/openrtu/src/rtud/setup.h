@@ -23,6 +23,7 @@ enum setup_job { SETUP_NO_JOB, SETUP_JOB_CHECK, SETUP_JOB_APPLY, SETUP_JOB_BACK 
 
 struct setup {
 	struct proposal proposal;
+	struct proposal_pace pace;
 	uint32_t in_force; /* hash of the text of what runs */
 	uint32_t base;     /* of the one that the proposal was made of */
 	bool asked;        /* a request waits for its answer */

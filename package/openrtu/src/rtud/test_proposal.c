@@ -177,6 +177,27 @@ static void test_any_order_of_wishes_ends(void **state)
 	}
 }
 
+static void test_one_that_never_rests_is_refused(void **state)
+{
+	struct proposal_pace pace = {.began_ns = 0};
+	int64_t now = 1000 * NS_PER_S;
+
+	(void)state;
+	for (unsigned i = 0; i < PROPOSAL_AT_ONCE; i++)
+		assert_true(proposal_begins(&pace, now));
+	assert_false(proposal_begins(&pace, now));
+	assert_true(proposal_begins(&pace, now += NS_PER_S));
+	/* One that takes long is followed by a second of rest all the same. */
+	proposal_rests(&pace, now += 5 * NS_PER_S);
+	assert_false(proposal_begins(&pace, now));
+	assert_true(proposal_begins(&pace, now += NS_PER_S));
+	proposal_rests(&pace, now);
+	now += 3600 * NS_PER_S;
+	for (unsigned i = 0; i < PROPOSAL_AT_ONCE; i++)
+		assert_true(proposal_begins(&pace, now));
+	assert_false(proposal_begins(&pace, now));
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -188,6 +209,7 @@ int main(void)
 	    cmocka_unit_test(test_what_does_not_come_into_force_is_no_trial),
 	    cmocka_unit_test(test_only_what_was_checked_is_applied_by_who_did),
 	    cmocka_unit_test(test_one_trial_at_a_time_which_its_user_confirms),
+	    cmocka_unit_test(test_one_that_never_rests_is_refused),
 	    cmocka_unit_test(test_any_order_of_wishes_ends),
 	};
 
