@@ -270,7 +270,7 @@ def test_a_configuration_is_kept_where_the_file_cannot_be_written(page: Page) ->
     said = wish(installer, "confirm", proposed=said["proposed"])
     assert (said["good"], said["phase"]) == (True, "none"), said
     assert "site" in json.dumps(json.loads(kept.read_text())) and gateway.config_file.read_text() == before
-    gateway.ctl("reload")
+    assert f"{kept} is read in place of {gateway.config_file}" in gateway.ctl("reload")
     assert "site" in names(page)
     gateway.stop()
     gateway.start()

@@ -215,6 +215,7 @@ static enum config_result load(const struct arguments *arguments, struct map_con
 	const char *kept = arguments->supervise.kept;
 
 	if (kept != NULL && access(kept, F_OK) == 0) {
+		fprintf(stderr, "rtud: %s is read in place of %s (--kept)\n", kept, arguments->file);
 		if (config_load(arguments->file, kept, modules, config, stderr) == CONFIG_GOOD)
 			return CONFIG_GOOD;
 		config_free(config);

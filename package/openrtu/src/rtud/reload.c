@@ -205,8 +205,10 @@ __attribute__((noreturn)) static void prepare(const struct supervisor *superviso
 		verdict = proposed_prepare(supervisor, reload->job, instead, report);
 		plan.instead = instead;
 		plan.dry |= verdict != SETUP_READ;
-	} else if (reload->path == supervisor->options->file) {
+	} else if (plan.path == supervisor->options->file) {
 		plan.instead = proposed_source(supervisor->options);
+		if (report != NULL && plan.instead != plan.path)
+			fprintf(report, "%s is read in place of %s (--kept)\n", plan.instead, plan.path);
 	}
 	if (report != NULL && verdict != SETUP_REFUSED)
 		result = change_prepare(supervisor->map, reload->former, &plan, report);
