@@ -114,7 +114,7 @@ void proposal_rests(struct proposal_pace *pace, int64_t now_ns)
 
 bool proposal_holds(const struct proposal *proposal)
 {
-	return proposal->phase >= PROPOSAL_APPLYING;
+	return proposal->phase >= PROPOSAL_APPLYING && proposal->phase != PROPOSAL_STUCK;
 }
 
 const char *proposal_phase_name(enum proposal_phase phase)

@@ -57,7 +57,7 @@ enum proposal_task proposal_ask(struct proposal *proposal, enum setup_wish wish,
 enum proposal_task proposal_ended(struct proposal *proposal, bool good, uint32_t text, int64_t now_ns);
 /* Time has passed. */
 enum proposal_task proposal_wait(struct proposal *proposal, int64_t now_ns);
-/* Another configuration is in force or on its way: nobody else may change it. */
+/* Another configuration is on trial or on its way: nobody else may change it. One that is stuck waits for whoever can. */
 bool proposal_holds(const struct proposal *proposal);
 const char *proposal_phase_name(enum proposal_phase phase);
 

@@ -130,7 +130,7 @@ static void finish(struct supervisor *supervisor, enum map_command_result result
 	supervisor->setup.reloaded = job;
 	supervisor->setup.reloaded_well = result == MAP_RESULT_DONE;
 	if (job == SETUP_NO_JOB && result == MAP_RESULT_DONE && !dry)
-		supervisor->setup.in_force = supervisor->setup.told->text;
+		setup_replaced(supervisor);
 }
 
 static map_modules ending(const struct reload *reload)

@@ -319,15 +319,36 @@ void setup_step(struct supervisor *supervisor)
 	}
 }
 
+void setup_replaced(struct supervisor *supervisor)
+{
+	struct setup *setup = &supervisor->setup;
+
+	setup->in_force = setup->told->text;
+	if (setup->proposal.phase != PROPOSAL_STUCK)
+		return;
+	setup->proposal = (struct proposal){.phase = PROPOSAL_NONE};
+	tell(supervisor);
+}
+
+static bool is_same(const struct history_text *a, const struct history_text *b)
+{
+	return a->length == b->length && memcmp(a->octets, b->octets, a->length) == 0;
+}
+
 /* One that was killed may have written it all the same. */
 static bool is_kept(const struct supervisor *supervisor)
 {
-	struct history_text text;
-	bool kept;
+	struct history_text text, proposed;
+	char path[PATH_MAX];
+	bool kept = false;
 
 	if (!history_read(proposed_target(supervisor->options), &text))
 		return false;
-	kept = text.hash == supervisor->setup.proposal.text;
+	proposed_path(supervisor, PROPOSED_FILE, path);
+	if (history_read(path, &proposed)) {
+		kept = is_same(&text, &proposed);
+		free(proposed.octets);
+	}
 	free(text.octets);
 	return kept;
 }

@@ -41,6 +41,8 @@ struct setup {
 /* Text: of the file that runs. False with errno. */
 bool setup_begin(struct supervisor *supervisor, uint32_t text);
 void setup_take(struct supervisor *supervisor, const struct map_request *request);
+/* Another reload than the page's has put what was read last into force. */
+void setup_replaced(struct supervisor *supervisor);
 /* Does what time asks for. */
 void setup_step(struct supervisor *supervisor);
 /* A process has ended. True: it was one of these. */
