@@ -129,8 +129,10 @@ static void finish(struct supervisor *supervisor, enum map_command_result result
 	*reload = (struct reload){.phase = RELOAD_IDLE};
 	supervisor->setup.reloaded = job;
 	supervisor->setup.reloaded_well = result == MAP_RESULT_DONE;
-	if (job == SETUP_NO_JOB && result == MAP_RESULT_DONE && !dry)
-		setup_replaced(supervisor);
+	if (job == SETUP_NO_JOB && result == MAP_RESULT_DONE && !dry) {
+		supervisor->setup.in_force = supervisor->setup.told->text;
+		supervisor->setup.replaced = true;
+	}
 }
 
 static map_modules ending(const struct reload *reload)

@@ -300,6 +300,18 @@ bool setup_begin(struct supervisor *supervisor, uint32_t text)
 	return setup->told != MAP_FAILED;
 }
 
+/* A file that is right has come into force: nothing has to come back. */
+static void take_replacement(struct supervisor *supervisor)
+{
+	struct setup *setup = &supervisor->setup;
+
+	if (setup->replaced && setup->proposal.phase == PROPOSAL_STUCK) {
+		setup->proposal = (struct proposal){.phase = PROPOSAL_NONE};
+		tell(supervisor);
+	}
+	setup->replaced = false;
+}
+
 void setup_step(struct supervisor *supervisor)
 {
 	struct setup *setup = &supervisor->setup;
@@ -310,6 +322,7 @@ void setup_step(struct supervisor *supervisor)
 		setup->reloaded = SETUP_NO_JOB;
 		ended(supervisor, setup->reloaded_well);
 	}
+	take_replacement(supervisor);
 	if (supervisor->reload.phase == RELOAD_IDLE && supervisor->reset_at_ns == 0) {
 		const enum proposal_task task = proposal_wait(&setup->proposal, map_now_ns());
 
@@ -317,17 +330,6 @@ void setup_step(struct supervisor *supervisor)
 			tell(supervisor);
 		perform(supervisor, task);
 	}
-}
-
-void setup_replaced(struct supervisor *supervisor)
-{
-	struct setup *setup = &supervisor->setup;
-
-	setup->in_force = setup->told->text;
-	if (setup->proposal.phase != PROPOSAL_STUCK)
-		return;
-	setup->proposal = (struct proposal){.phase = PROPOSAL_NONE};
-	tell(supervisor);
 }
 
 static bool is_same(const struct history_text *a, const struct history_text *b)

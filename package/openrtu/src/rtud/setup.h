@@ -35,14 +35,13 @@ struct setup {
 	enum setup_job
 	    reloaded; /* a reload of it is over, which was a good one or not; SETUP_NO_JOB: none is */
 	bool reloaded_well;
+	bool replaced;           /* another reload than the page's has put a file into force */
 	struct setup_told *told; /* in memory that is shared with these processes */
 };
 
 /* Text: of the file that runs. False with errno. */
 bool setup_begin(struct supervisor *supervisor, uint32_t text);
 void setup_take(struct supervisor *supervisor, const struct map_request *request);
-/* Another reload than the page's has put what was read last into force. */
-void setup_replaced(struct supervisor *supervisor);
 /* Does what time asks for. */
 void setup_step(struct supervisor *supervisor);
 /* A process has ended. True: it was one of these. */
