@@ -60,7 +60,7 @@ build/root/gateway.done build/root/gateway-tls.done: $(shell find $(SRC) -type f
 
 build/arm-release-tls/build.ninja: | build/net-snmp/done build/libmicrohttpd/done
 build/arm-release/build.ninja build/arm-release-tls/build.ninja: build/sysroot.ini $(BUILD_OPTIONS)
-	$(LOGGED) $(notdir $(@D))-setup $(SETUP) --prefix=/usr -Dtests=disabled -Dcentre=false -Dlibrary=false \
+	$(LOGGED) $(notdir $(@D))-setup $(SETUP) --prefix=/usr -Dtests=disabled -Dcentre=false -Dlibrary=false -Dsunspec=false \
 	  $(foreach option,tls snmp web,-D$(option)=$(if $(findstring -tls,$@),true,false)) \
 	  --cross-file $< --cross-file scripts/armel.ini
 

@@ -13,7 +13,7 @@ OPENRTU_DEPENDENCIES = host-pkgconf jansson libseccomp
 
 # The unit tests run on the build machine (make test), and a newer compiler's
 # warning shall not stop a release.
-OPENRTU_CONF_OPTS = -Dtests=disabled -Dwerror=false -Dcentre=false
+OPENRTU_CONF_OPTS = -Dtests=disabled -Dwerror=false -Dcentre=false -Dsunspec=false
 
 # Buildroot copies the source out of the tree, which is dated as a whole.
 OPENRTU_NINJA_ENV = SOURCE_DATE_EPOCH=$$($(BR2_EXTERNAL_OPENRTU_PATH)/../scripts/source-date.sh)
