@@ -183,14 +183,19 @@ REACH = [
     ),
     ("scripts/openrtu_tools/scl.py", f"{PIP} tests/iec61850/test_iec61850_cid.py"),
     ("scripts/openrtu_tools/snmp_keys.py", f"{PIP} test-snmp"),
-    ("scripts/openrtu_tools/web_users.py", f"{PIP} test-web tests/centre/test_web_page.py"),
+    (
+        "scripts/openrtu_tools/web_users.py",
+        f"{PIP} test-web tests/centre/test_web_page.py tests/centre/test_web_setup_page.py",
+    ),
+    ("scripts/openrtu_tools/devices.py", f"{PIP} test-tools tests/lines/test_device_library.py"),
     (
         "scripts/openrtu*",
         f"{PIP} test-centre test-logic tests/gateway/test_event_journal.py tests/config/test_points.py "
         "test-web tests/iec61850/test_iec61850_cid.py test-snmp tests/modules/test_plant.py "
         "tests/shows/test_show.py tests/packages/test_version.py tests/house/test_docs_commands.py "
         "tests/linux/test_run.py "
-        "tests/tools/test_openrtu_completion.py test-tools",
+        "tests/tools/test_openrtu_completion.py test-tools tests/lines/test_modbus_udp.py "
+        "tests/lines/test_pass_through.py",
     ),
     ("scripts/lab/twin_show.py", "test-twin"),
     (
@@ -198,7 +203,7 @@ REACH = [
         "lint tests/packages/test_debian_packages.py tests/gateway/test_entrances.py test-snmp "
         "tests/gateway/test_reload.py "
         "tests/gateway/test_reload_running.py tests/shows/test_show.py "
-        "tests/gateway/test_same_events.py "
+        "tests/gateway/test_same_events.py tests/lines/test_modbus_udp.py "
         "tests/linux/test_system_tls.py",
     ),
     ("scripts/lab/managed.py", "lint tests/shows/test_show.py tests/linux/test_run.py"),
@@ -287,7 +292,7 @@ REACH = [
     ("tests/peers/goose*.py", "test-goose"),
     ("tests/peers/ddi.py", "tests/image/test_pull.py tests/linux/test_update_board.py"),
     ("tests/peers/mms.py", f"{DESK} tests/linux/test_network.py tests/linux/test_buffered_cuts.py"),
-    ("tests/peers/*", f"{DESK} {ON_BOARD} test-netboot"),
+    ("tests/peers/*", f"{DESK} {ON_BOARD} test-netboot tests/centre/test_web_setup_page.py"),
     ("tests/rig/desk.py", f"{DESK} {ON_BOARD}"),
     ("tests/rig/capture.py", f"{DESK} tests/centre/test_centre_higher.py tests/linux/test_network.py"),
     ("tests/run/changed.py", "tests/house/test_changed.py"),
