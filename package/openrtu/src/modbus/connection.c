@@ -146,7 +146,7 @@ bool modbus_connection_ended(struct modbus_line *line, int64_t now_ns)
 		return false;
 	connection->there = false;
 	/* What was passed on may have been too much for it. */
-	if (line->state == MODBUS_WAITING && line->purpose == MODBUS_PASS)
+	if (modbus_pass_is_under_way(line))
 		return true;
 	if (connection->answers == 0 && !connection->trying) {
 		if (connection->asked)

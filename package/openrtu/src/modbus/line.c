@@ -129,7 +129,7 @@ void modbus_line_close(struct modbus_line *line, int64_t now_ns)
 {
 	bool commanding = (line->state == MODBUS_WAITING && line->purpose == MODBUS_COMMAND) ||
 			  line->state == MODBUS_TURNAROUND;
-	const bool passing = line->state == MODBUS_WAITING && line->purpose == MODBUS_PASS;
+	const bool passing = modbus_pass_is_under_way(line);
 
 	if (line->state == MODBUS_WAITING)
 		line->framer->remember_unanswered(line);

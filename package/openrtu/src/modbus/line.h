@@ -54,7 +54,7 @@
  * one MODBUS_DEAD_SHAREth of the line's time. Silence and refusals say nothing of the device's life or its reads, and count as no exceptions.
  *
  * What is passed on (passed.c). A request of somebody else's for a device of the line goes out as it came, and its answer goes back as it
- * comes: all that is looked at is unit, function and CRC; where nothing says how long it is, silence ends it. It goes when nothing is due,
+ * comes: all that is looked at is unit, function and CRC; where nothing says how long the answer is, silence ends it. It goes when nothing is due,
  * nothing with a period becomes due until it should have been answered, and its device owes no answer: what comes is its own. So much
  * of the line's time as pass_share says is the most that such requests take, be there a scan without end behind them. Whether it is answered, and how,
  * says nothing of the device: no life, no latency, no pause, no counter of it changes.
@@ -222,7 +222,7 @@ struct modbus_device {
 	int64_t timeout_ns; /* in force now; 0: nothing was learned, it is response_timeout_ns */
 	bool alive;
 	bool
-	    vouched; /* by the caller, for a process before this: its values are told still, and end as those of one that lives */
+	    vouched; /* for a process before this: its values are told still, and end as those of one that lives */
 
 	/* The line's own. */
 	bool broadcast;     /* it is none: all hear what it is told */

@@ -159,6 +159,8 @@ size_t modbus_put_body(const struct modbus_line *line, uint8_t *body);
 /* What waits to be passed on may go now; when something of that changes, MODBUS_NEVER: nothing waits. */
 bool modbus_may_pass(const struct modbus_line *line, int64_t now_ns);
 int64_t modbus_next_pass_ns(const struct modbus_line *line, int64_t now_ns);
+/* Its answer is awaited. */
+bool modbus_pass_is_under_way(const struct modbus_line *line);
 int64_t modbus_pass_timeout(const struct modbus_line *line, const struct modbus_device *device);
 /* As far as a line's request goes: what its answer looks like. */
 struct modbus_request modbus_passed_request(const struct modbus_passed *passed);

@@ -9,60 +9,59 @@
 #define EXCEPTION_BODY 3
 #define WHOLE          100 /* percent */
 
-bool modbus_reads_only(const uint8_t *body, size_t length)
+/* What is known of a function: MODBUS Application Protocol V1.1b3, 6. Lengths are of its request's body, unit and function included. */
+struct function {
+	bool reads;       /* it changes nothing */
+	bool ends;        /* its answer has the fields of one to a request of the line's own */
+	uint8_t length;   /* 0: it has none of its own, */
+	uint8_t count_at; /* but the octet there says how many follow; 0: nobody knows */
+};
+static const struct function functions[] = {
+    [MODBUS_READ_COILS] = {.reads = true, .ends = true, .length = 6},
+    [MODBUS_READ_DISCRETE_INPUTS] = {.reads = true, .ends = true, .length = 6},
+    [MODBUS_READ_HOLDING_REGISTERS] = {.reads = true, .ends = true, .length = 6},
+    [MODBUS_READ_INPUT_REGISTERS] = {.reads = true, .ends = true, .length = 6},
+    [MODBUS_WRITE_COIL] = {.ends = true, .length = 6},
+    [MODBUS_WRITE_REGISTER] = {.ends = true, .length = 6},
+    [MODBUS_READ_EXCEPTION_STATUS] = {.reads = true, .length = HEAD_LENGTH},
+    [MODBUS_READ_EVENT_COUNTER] = {.reads = true, .length = HEAD_LENGTH},
+    [MODBUS_READ_EVENT_LOG] = {.reads = true, .length = HEAD_LENGTH},
+    [MODBUS_WRITE_COILS] = {.ends = true, .count_at = 6},
+    [MODBUS_WRITE_REGISTERS] = {.ends = true, .count_at = 6},
+    [MODBUS_REPORT_SERVER] = {.reads = true, .length = HEAD_LENGTH},
+    [MODBUS_READ_FILE] = {.reads = true, .count_at = 2},
+    [MODBUS_WRITE_FILE] = {.count_at = 2},
+    [MODBUS_MASK_WRITE_REGISTER] = {.length = 8},
+    [MODBUS_READ_AND_WRITE] = {.count_at = 10},
+    [MODBUS_READ_FIFO] = {.reads = true, .length = 4},
+};
+static const struct function identification = {.reads = true,
+					       .length = 5}; /* 6.21; else 43 carries anything */
+static const struct function unknown;
+
+static const struct function *function_of(const uint8_t *body, size_t length)
 {
-	switch (body[1]) {
-	case MODBUS_READ_COILS:
-	case MODBUS_READ_DISCRETE_INPUTS:
-	case MODBUS_READ_HOLDING_REGISTERS:
-	case MODBUS_READ_INPUT_REGISTERS:
-	case MODBUS_READ_EXCEPTION_STATUS:
-	case MODBUS_READ_EVENT_COUNTER:
-	case MODBUS_READ_EVENT_LOG:
-	case MODBUS_REPORT_SERVER:
-	case MODBUS_READ_FILE:
-	case MODBUS_READ_FIFO:
-		return true;
-	case MODBUS_ENCAPSULATED:
-		return length > HEAD_LENGTH && body[HEAD_LENGTH] == MODBUS_IDENTIFICATION;
-	default:
-		return false;
-	}
+	if (body[1] == MODBUS_ENCAPSULATED && length > HEAD_LENGTH &&
+	    body[HEAD_LENGTH] == MODBUS_IDENTIFICATION)
+		return &identification;
+	return body[1] < sizeof(functions) / sizeof(functions[0]) ? &functions[body[1]] : &unknown;
 }
 
-/* MODBUS Application Protocol V1.1b3, 6, each behind its unit. */
+bool modbus_reads_only(const uint8_t *body, size_t length)
+{
+	return function_of(body, length)->reads;
+}
+
 bool modbus_is_whole(const uint8_t *body, size_t length)
 {
-	switch (body[1]) {
-	case MODBUS_READ_COILS:
-	case MODBUS_READ_DISCRETE_INPUTS:
-	case MODBUS_READ_HOLDING_REGISTERS:
-	case MODBUS_READ_INPUT_REGISTERS:
-	case MODBUS_WRITE_COIL:
-	case MODBUS_WRITE_REGISTER:
-		return length == 6;
-	case MODBUS_READ_EXCEPTION_STATUS:
-	case MODBUS_READ_EVENT_COUNTER:
-	case MODBUS_READ_EVENT_LOG:
-	case MODBUS_REPORT_SERVER:
-		return length == HEAD_LENGTH;
-	case MODBUS_WRITE_COILS:
-	case MODBUS_WRITE_REGISTERS:
-		return length >= 7 && length == 7u + body[6];
-	case MODBUS_READ_FILE:
-	case MODBUS_WRITE_FILE:
-		return length >= 3 && length == 3u + body[2];
-	case MODBUS_MASK_WRITE_REGISTER:
-		return length == 8;
-	case MODBUS_READ_AND_WRITE:
-		return length >= 11 && length == 11u + body[10];
-	case MODBUS_READ_FIFO:
-		return length == 4;
-	case MODBUS_ENCAPSULATED:
-		return length > HEAD_LENGTH && (body[HEAD_LENGTH] != MODBUS_IDENTIFICATION || length == 5);
-	default:
-		return true;
-	}
+	const struct function *function = function_of(body, length);
+
+	if (function->count_at > 0)
+		return length > function->count_at &&
+		       length == function->count_at + 1u + body[function->count_at];
+	if (function->length > 0)
+		return length == function->length;
+	return body[1] != MODBUS_ENCAPSULATED || length > HEAD_LENGTH; /* its type at least */
 }
 
 size_t modbus_put_body(const struct modbus_line *line, uint8_t *body)
@@ -101,7 +100,7 @@ static int64_t longest_ns(const struct modbus_line *line, const struct modbus_de
 	       (int64_t)(MODBUS_FRAME_MAX + line->passed.length) * line->wire.char_ns;
 }
 
-static bool is_under_way(const struct modbus_line *line)
+bool modbus_pass_is_under_way(const struct modbus_line *line)
 {
 	return line->state == MODBUS_WAITING && line->purpose == MODBUS_PASS;
 }
@@ -118,7 +117,7 @@ bool modbus_may_pass(const struct modbus_line *line, int64_t now_ns)
 {
 	const struct modbus_device *device = &line->devices[line->passed.device];
 
-	return line->passing && !is_under_way(line) && now_ns >= line->pass_free_ns &&
+	return line->passing && !modbus_pass_is_under_way(line) && now_ns >= line->pass_free_ns &&
 	       now_ns >= modbus_surely_ready_ns(device) && owes_nothing(line, device, now_ns) &&
 	       modbus_is_room(line, now_ns + longest_ns(line, device));
 }
@@ -128,7 +127,7 @@ int64_t modbus_next_pass_ns(const struct modbus_line *line, int64_t now_ns)
 	const struct modbus_device *device = &line->devices[line->passed.device];
 	int64_t may_ns, old_ns;
 
-	if (!line->passing || is_under_way(line))
+	if (!line->passing || modbus_pass_is_under_way(line))
 		return MODBUS_NEVER;
 	may_ns = later(line->pass_free_ns, modbus_surely_ready_ns(device));
 	if (!owes_nothing(line, device, now_ns))
@@ -140,9 +139,7 @@ int64_t modbus_next_pass_ns(const struct modbus_line *line, int64_t now_ns)
 
 bool modbus_pass_is_known(uint8_t function)
 {
-	return modbus_is_read(function) || function == MODBUS_WRITE_COIL ||
-	       function == MODBUS_WRITE_REGISTER || function == MODBUS_WRITE_COILS ||
-	       function == MODBUS_WRITE_REGISTERS;
+	return function_of((const uint8_t[]){0, function}, HEAD_LENGTH)->ends;
 }
 
 struct modbus_request modbus_passed_request(const struct modbus_passed *passed)

@@ -50,6 +50,8 @@ enum kind_change {
 	KIND_EXCHANGED, /* another process, with a segment of its own, waits beside it and takes its place */
 };
 
+typedef int kind_opener(const struct map_config *config, const char *module);
+
 struct kind {
 	const char *name; /* as in the plans of its modules */
 	/* What of the configuration file is its own: config/part.h. Left out: nothing. */
@@ -96,7 +98,7 @@ struct kind {
 	 * once, a process that takes another's place begins when that has ended. Left out, or of a module that listens nowhere
 	 * though some of its kind do: nothing.
 	 */
-	int (*open)(const struct map_config *config, const char *module);
+	kind_opener *open;
 	/*
 	 * Writes a file about the configuration that the module hands out: in the new process, with the module's rights, so that
 	 * what writes it is no part of a program that faces the network. The module gets it as --file. -1 with errno: the

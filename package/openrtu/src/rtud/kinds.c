@@ -115,8 +115,7 @@ struct kind_run kinds_run(const struct map_module *module, const struct map_conf
 	return run;
 }
 
-int (*kinds_opens(const char *name, const char *module,
-		  const struct map_config *config))(const struct map_config *, const char *)
+kind_opener *kinds_opens(const char *name, const char *module, const struct map_config *config)
 {
 	const struct kind *kind = kinds_find(name);
 	struct kind_port port;

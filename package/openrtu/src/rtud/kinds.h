@@ -16,8 +16,7 @@ const struct kind *kinds_find(const char *name);
 /* How a module of a kind in the table is run. Neither a program nor a path: rtud starts none. */
 struct kind_run kinds_run(const struct map_module *module, const struct map_config *config);
 /* What a process of the module has opened for it: struct kind; NULL: nothing. */
-int (*kinds_opens(const char *kind, const char *module,
-		  const struct map_config *config))(const struct map_config *, const char *);
+kind_opener *kinds_opens(const char *kind, const char *module, const struct map_config *config);
 /* The highest real-time priority of all kinds; 0: none. */
 int kinds_highest_priority(const struct map_config *config);
 

@@ -23,8 +23,8 @@ struct process_plan {
 	size_t memory;      /* bytes of address space it may have at most; 0: unlimited */
 	unsigned files;     /* descriptors */
 	unsigned processes; /* and threads that its user may have; 0: as many as the caller's */
-	int (*open)(const struct map_config *config, const char *module); /* struct kind; NULL: nothing */
-	int (*describe)(const struct map_config *config);                 /* struct kind; NULL: nothing */
+	kind_opener *open;  /* struct kind; NULL: nothing */
+	int (*describe)(const struct map_config *config); /* struct kind; NULL: nothing */
 	const struct map_config *config;
 	bool filtered; /* gets the filter of system calls of its program */
 };

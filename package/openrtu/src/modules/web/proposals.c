@@ -18,7 +18,7 @@
 /* The wish that rtud has not answered yet, and what became of the last one. */
 static struct {
 	uint32_t id; /* 0: none waits */
-	uint8_t wish, result;
+	uint8_t result;
 	int64_t limit_ns;
 } asked;
 static const struct http_request *uploading; /* whose text comes now; NULL: nobody's */
@@ -140,7 +140,6 @@ static struct http_answer post(struct http_site *site, const struct http_request
 
 	snprintf(setup->user, sizeof(setup->user), "%s", request->session->name);
 	asked.id = map_request_post(site->map, said);
-	asked.wish = (uint8_t)wish;
 	asked.result = MAP_RESULT_NONE;
 	asked.limit_ns = site->now_ns + PATIENCE_NS;
 	if (asked.id == 0)
