@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Browser, expect
 from playwright.sync_api import Page as Tab
 
-from browser import LIMIT_MS
+from browser import LIMIT_MS, faultless
 from peers.authority import give_to_station
 from rig.web import PASSWORD, WEB_USER, Page, make_user, page_of
 
@@ -25,15 +25,10 @@ def gateway(programs: Path) -> Iterator[Page]:
 
 
 @pytest.fixture
-def tab(gateway: Page, browser: Browser) -> Iterator[Tab]:
-    context = browser.new_context(ignore_https_errors=True, color_scheme="light", locale="en-GB")
-    tab = context.new_page()
-    errors: list[str] = []
-    tab.on("pageerror", lambda error: errors.append(str(error)))
-    tab.set_default_timeout(LIMIT_MS)
-    yield tab
-    assert errors == []
-    context.close()
+def tab(browser: Browser) -> Iterator[Tab]:
+    with faultless(browser, ignore_https_errors=True, color_scheme="light") as tab:
+        tab.set_default_timeout(LIMIT_MS)
+        yield tab
 
 
 def log_in(tab: Tab, gateway: Page, name: str) -> None:

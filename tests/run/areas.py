@@ -132,8 +132,15 @@ REACH = [
     ),
     (
         "package/openrtu/src/*web/*",
-        f"{C} fuzzers {ON_BOARD} test-web tests/centre/test_web_page.py"
+        f"{C} fuzzers {ON_BOARD} test-web tests/centre/test_web*_page.py"
         f" {CONFIG} tests/house/test_fuzz.py tests/packages/test_installation.py",
+    ),
+    *(
+        (
+            f"package/openrtu/src/rtud/{of_set_up}.*",
+            f"{C} fuzzers {DESK} {ON_BOARD} tests/centre/test_web_setup_page.py",
+        )
+        for of_set_up in ("setup", "proposal", "proposed", "history")
     ),
     ("package/openrtu/src/*", f"{C} fuzzers {DESK} {ON_BOARD}"),
     (
@@ -185,7 +192,7 @@ REACH = [
     ("scripts/openrtu_tools/snmp_keys.py", f"{PIP} test-snmp"),
     (
         "scripts/openrtu_tools/web_users.py",
-        f"{PIP} test-web tests/centre/test_web_page.py tests/centre/test_web_setup_page.py",
+        f"{PIP} test-web tests/centre/test_web*_page.py",
     ),
     ("scripts/openrtu_tools/devices.py", f"{PIP} test-tools tests/lines/test_device_library.py"),
     (
