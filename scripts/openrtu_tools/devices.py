@@ -18,14 +18,15 @@ from nuc980.errors import UnusableInput
 from openrtu_tools import document
 from openrtu_tools.document import Json
 from openrtu_tools.missing import CLONE, in_clone
-from openrtu_tools.modbus.made import TABLES
+from openrtu_tools.modbus.made import ADDRESS_LAST, TABLES
+from openrtu_tools.modbus.registers import Place
+from openrtu_tools.modbus.values import NUMBERS, Layout
 
 INSTALLED = [Path(prefix) / "share/openrtu/templates" for prefix in ("/usr/local", "/usr")]
-LETTERS = dict(zip(TABLES, "cdih", strict=True))
 NAMES_SHOWN = 4
 HOLDING = "holding_registers"
 SUNSPEC_AT = 40069  # where the files of the models have their IDs
-LAST_REGISTER = 65535
+WITHOUT_FORMAT = "float32"  # as wide as all that a model's object without one may be
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,9 @@ class Device:
             for one in document.objects(self.template, table, f"{self.file}: {self.name}."):
                 yield table, one
 
+    def count(self) -> int:
+        return sum(1 for _ in self.objects())
+
     def says(self, key: str) -> str:
         return str(self.about.get(key, ""))
 
@@ -57,7 +61,7 @@ class Device:
             "kind": self.says("kind"),
             "maker": self.says("maker"),
             "device": self.says("device"),
-            "objects": sum(1 for _ in self.objects()),
+            "objects": self.count(),
             "untried": bool(self.about.get("untried", True)),
             "file": str(self.file),
         }
@@ -104,9 +108,8 @@ def table_of(rows: Sequence[Sequence[str]]) -> str:
 def listed(devices: Sequence[Device]) -> str:
     head = ("KIND", "TEMPLATE", "OBJECTS", "MAKER", "DEVICE")
     rows = [
-        (device.says("kind"), device.name, str(one["objects"]), device.says("maker"), device.says("device"))
+        (device.says("kind"), device.name, str(device.count()), device.says("maker"), device.says("device"))
         for device in devices
-        for one in [device.summary()]
     ]
     return table_of([head, *rows])
 
@@ -140,7 +143,7 @@ def command_of(one: Json) -> str:
 
 
 def place_of(table: str, one: Json) -> str:
-    return f"{LETTERS[table]}{one.get('address', one.get('register', ''))}"
+    return f"{Place(table, 0).letter}{one.get('address', one.get('register', ''))}"
 
 
 def objects_of(device: Device) -> str:
@@ -182,23 +185,18 @@ def use_of(device: Device) -> str:
 
 def shown(device: Device) -> str:
     keys = {key: value for key, value in device.template.items() if key not in TABLES}
-    parts = [
-        f"{device.name}: {device.says('maker')} {device.says('device')} ({device.says('kind')})".replace(
-            "  ", " "
-        ),
-        f"Connection: {device.says('connection')}" if device.says("connection") else "",
-        "Untried: nobody of OpenRTU has read such a device with it." if device.about.get("untried") else "",
-        *(f"Note: {note}" for note in device.about.get("notes", [])),
-        "",
-        objects_of(device),
-        "",
+    words = [device.says("maker"), device.says("device"), f"({device.says('kind')})"]
+    head = [" ".join([f"{device.name}:", *filter(None, words)])]
+    head += [f"Connection: {device.says('connection')}"] if device.says("connection") else []
+    if device.about.get("untried"):
+        head.append("Untried: nobody of OpenRTU has read such a device with it.")
+    head += [f"Note: {note}" for note in device.about.get("notes", [])]
+    tail = [
         "Keys of the device: " + json.dumps(keys, ensure_ascii=False),
         *(f"Source: {source}" for source in sources_of(device)),
         *(f"Compared: {text}" for text in device.about.get("compared", [])),
-        "",
-        use_of(device),
     ]
-    return "\n".join(part for number, part in enumerate(parts) if part or number > 3)
+    return "\n\n".join(["\n".join(head), objects_of(device), "\n".join(tail), use_of(device)])
 
 
 # ---- a device of several models ---------------------------------------------------------------------
@@ -206,9 +204,17 @@ def shown(device: Device) -> str:
 
 def moved(one: Json, by: int, prefix: str) -> Json:
     """An object of a model that stands elsewhere. Objects that others name are of the same model."""
-    changed = {key: one[key] + by for key in ("address", "scale_register", "ioa") if key in one}
+    changed = {key: one[key] + by for key in ("address", "scale_register") if key in one}
+    changed["ioa"] = changed["address"] + 1
     names = {key: prefix + one[key] for key in ("name", "scale_by") if key in one}
     return one | changed | names
+
+
+def last_register(one: Json) -> int:
+    """That the object needs."""
+    layout = one.get("format", WITHOUT_FORMAT)
+    width = Layout(layout).width if layout in NUMBERS else 1
+    return max(int(one["address"]) + width - 1, int(one.get("scale_register", 0)))
 
 
 def sunspec(devices: Sequence[Device], words: Sequence[str]) -> Json:
@@ -217,13 +223,18 @@ def sunspec(devices: Sequence[Device], words: Sequence[str]) -> Json:
     template: Json = {"description": "SunSpec", "period_ms": 1000, HOLDING: []}
     for word in words:
         number, _, address = word.partition("@")
-        if not (number.isdigit() and address.isdigit() and int(address) <= LAST_REGISTER):
+        if not (number.isdigit() and address.isdigit() and int(address) <= ADDRESS_LAST):
             raise UnusableInput(f"{word}: is no model and its address, as 103@40069")
         if int(number) not in models:
             raise UnusableInput(f"{word}: there is no template of model {number}")
         device = models[int(number)]
         by = int(address) - SUNSPEC_AT
-        template[HOLDING] += [moved(one, by, f"m{number}/") for _, one in device.objects()]
+        rows = [moved(one, by, f"m{number}/") for _, one in device.objects()]
+        if any(last_register(one) > ADDRESS_LAST for one in rows):
+            raise UnusableInput(f"{word}: its registers go beyond address {ADDRESS_LAST}")
+        if {one["ioa"] for one in rows} & {one["ioa"] for one in template[HOLDING]}:
+            raise UnusableInput(f"{word}: its registers are another model's, too")
+        template[HOLDING] += rows
     about = {"device": f"SunSpec models {', '.join(words)}", "untried": True}
     return {"about": about, "templates": {"sunspec-device": template}}
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from openrtu_tools.cli import main
+from rig.configuration import check_document
 
 TEMPLATE = {
     "description": "M",
@@ -59,9 +60,24 @@ def test_a_device_of_several_models_is_one_template(capsys: pytest.CaptureFixtur
     assert (rows["m103/W"]["address"], rows["m103/W"]["scale_register"]) == (40083, 40084)
     assert (rows["m160/module1/DCA"]["address"], rows["m160/module1/DCA"]["scale_register"]) == (40219, 40202)
     assert len({row["ioa"] for row in rows.values()}) == len(rows)
-    for wrong in ("103", "103@x", "99999@40069"):
+    for wrong in ("103", "103@x", "99999@40069", "103@65500", "103@65535"):
         assert main(["devices", "--sunspec", wrong]) == 2
         assert wrong in capsys.readouterr().err
+    assert main(["devices", "--sunspec", "103@40069", "160@40080"]) == 2
+    assert "160@40080: its registers are another" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", [("103@69",), ("103@0", "160@65000"), ("103@40069", "160@40200")])
+def test_the_gateway_takes_a_device_of_several_models(
+    programs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
+) -> None:
+    made = json.loads(said(capsys, "--sunspec", *words))
+    line = {"value": 7, "active": 1, "host": "127.0.0.1", "tcp_port": 502}
+    slave = {"id": 1, "template": "sunspec-device"}
+    checked = check_document(
+        programs, tmp_path, {"templates": made["templates"], "port": [line | {"slaves": [slave]}]}
+    )
+    assert (checked.returncode, checked.stderr) == (0, "")
 
 
 @pytest.mark.parametrize("text", [None, "[]", '{"templates": []}'])
