@@ -143,6 +143,8 @@ def test_openrtu_reads_by_udp(line: Line, capsys: pytest.CaptureFixture[str]) ->
     assert f"{UNIT}" in capsys.readouterr().out
     assert main(["read", f"127.0.0.1:{free_udp_port()}", "-u", "1", "--udp", "h1"]) == 1
     assert "serves no Modbus by UDP" in capsys.readouterr().err
+    assert main(["scan", f"127.0.0.1:{(silent := free_udp_port())}", "-u", "1", "--udp"]) == 1
+    assert f"127.0.0.1 port {silent} (UDP): Connection refused" in capsys.readouterr().err
     assert main(["read", "/dev/null", "-u", "1", "--udp", "h1"]) != 0
     assert "--udp carries frames of Modbus TCP" in capsys.readouterr().err
 

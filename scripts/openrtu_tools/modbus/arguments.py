@@ -13,14 +13,12 @@ from openrtu_tools.modbus import registers, serial_port
 from openrtu_tools.modbus.ascii_text import AsciiStream
 from openrtu_tools.modbus.frames import BIT_TABLES, BROADCAST
 from openrtu_tools.modbus.links import (
-    DatagramStream,
     Link,
     RtuLink,
     SerialStream,
     SocketStream,
     Stream,
-    TcpLink,
-    UdpLink,
+    network_link,
 )
 from openrtu_tools.modbus.made import BYTE_ORDERS, WORD_ORDERS
 from openrtu_tools.modbus.registers import Place
@@ -165,12 +163,10 @@ def _opened(parsed: argparse.Namespace) -> Link:
         stream: Stream = SerialStream(parsed.device, settings)
         return RtuLink(AsciiStream(stream) if parsed.ascii else stream, parsed.timeout, settings)
     host, port = address(parsed.device)
-    if parsed.udp:
-        return UdpLink(DatagramStream(host, port), parsed.timeout)
+    if not (parsed.rtu or parsed.ascii):
+        return network_link(host, port, parsed.timeout, parsed.udp)
     stream = SocketStream(host, port, parsed.timeout)
-    if parsed.ascii:
-        return RtuLink(AsciiStream(stream), parsed.timeout, None)
-    return RtuLink(stream, parsed.timeout, None) if parsed.rtu else TcpLink(stream, parsed.timeout)
+    return RtuLink(AsciiStream(stream) if parsed.ascii else stream, parsed.timeout, None)
 
 
 def address(device: str) -> tuple[str, int]:

@@ -52,7 +52,7 @@ class Exceptional(ModbusError):
 
 
 class LinkLost(ModbusError):
-    """The port or the connection went away."""
+    """The port or the connection went away, or a host said that it serves nothing by UDP."""
 
 
 class HungUp(LinkLost):
@@ -63,7 +63,7 @@ class HungUp(LinkLost):
 
 
 class Unreachable(UnusableInput):
-    """No TCP connection."""
+    """No connection of TCP, or no way to the host by UDP."""
 
 
 class PortUnusable(UnusableInput):

@@ -116,9 +116,28 @@ class SerialStream(Stream):
         os.close(self._port)
 
 
-class SocketStream(Stream):
+def network_name(host: str, port: int, udp: bool) -> str:
+    return f"{host} port {port}{' (UDP)' if udp else ''}"
+
+
+class NetworkStream(Stream):
+    """To a host."""
+
+    _socket: socket.socket
+
+    @property
+    def address(self) -> str:
+        """Of the host, without its name."""
+        found: str = self._socket.getpeername()[0]
+        return found
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class SocketStream(NetworkStream):
     def __init__(self, host: str, port: int, timeout_s: float) -> None:
-        self.name = f"{host} port {port}"
+        self.name = network_name(host, port, udp=False)
         try:
             self._socket = socket.create_connection((host, port), timeout_s)
         except TimeoutError as error:
@@ -132,7 +151,6 @@ class SocketStream(Stream):
             why = getattr(error, "strerror", None) or error
             raise Unreachable(f"{self.name} cannot be reached: {why}") from error
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self.address: str = self._socket.getpeername()[0]
 
     def _send(self, octets: bytes) -> None:
         try:
@@ -150,15 +168,12 @@ class SocketStream(Stream):
             raise HungUp(f"{self.name} closed the connection without an answer")
         return found
 
-    def close(self) -> None:
-        self._socket.close()
 
-
-class DatagramStream(Stream):
+class DatagramStream(NetworkStream):
     """Each piece is a datagram of UDP, to and from one address."""
 
     def __init__(self, host: str, port: int) -> None:
-        self.name = f"{host} port {port} (UDP)"
+        self.name = network_name(host, port, udp=True)
         try:
             family, kind, protocol, _, where = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
             self._socket = socket.socket(family, kind, protocol)
@@ -166,7 +181,6 @@ class DatagramStream(Stream):
         except (OSError, UnicodeError) as error:
             why = getattr(error, "strerror", None) or error
             raise Unreachable(f"{self.name} cannot be reached: {why}") from error
-        self.address: str = self._socket.getpeername()[0]
 
     def _send(self, octets: bytes) -> None:
         try:
@@ -191,9 +205,6 @@ class DatagramStream(Stream):
             cause="the host is there, and serves no Modbus by UDP on this port",
             next_step="try another port, or without --udp",
         )
-
-    def close(self) -> None:
-        self._socket.close()
 
 
 class Link(ABC):
@@ -405,7 +416,9 @@ def shown(octets: bytes) -> str:
 
 
 class TcpLink(Link):
-    def __init__(self, stream: Stream, timeout_s: float) -> None:
+    stream: NetworkStream
+
+    def __init__(self, stream: NetworkStream, timeout_s: float) -> None:
         super().__init__(stream, timeout_s)
         self._transaction = 0
         self._octets = b""
@@ -469,3 +482,10 @@ class UdpLink(TcpLink):
             if octets[2:PREFIX] == bytes(2) + len(body).to_bytes(2) and 3 <= len(body) <= FRAME_MOST:
                 return int.from_bytes(octets[:2]), body
         raise self._silence(request)
+
+
+def network_link(host: str, port: int, timeout_s: float, udp: bool) -> TcpLink:
+    """Opened. Raises Unreachable."""
+    if udp:
+        return UdpLink(DatagramStream(host, port), timeout_s)
+    return TcpLink(SocketStream(host, port, timeout_s), timeout_s)

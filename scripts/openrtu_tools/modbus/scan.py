@@ -25,6 +25,7 @@ from openrtu_tools.modbus.errors import (
     Damaged,
     Exceptional,
     ForeignTraffic,
+    HungUp,
     LinkLost,
     NoAnswer,
     NotAsked,
@@ -33,15 +34,14 @@ from openrtu_tools.modbus.errors import (
     Unreachable,
 )
 from openrtu_tools.modbus.links import (
-    DatagramStream,
     Link,
     RtuLink,
     SerialStream,
-    SocketStream,
     Stream,
     TcpLink,
-    UdpLink,
     frame_at,
+    network_link,
+    network_name,
     shown,
 )
 from openrtu_tools.modbus.serial_port import PARITIES, Settings
@@ -312,35 +312,29 @@ class Scan:
         return place.devices
 
     def _host(self, host: str, port: int) -> None:
-        name = f"{host} port {port}{' (UDP)' if self.plan.udp else ''}"
+        name = network_name(host, port, self.plan.udp)
         place: Found | None = None
         link: TcpLink | None = None
         for unit in self._counted(name):
             try:
-                if link is None:
-                    link, keys = self._link(host, port)
-                    place = place or Found(keys)
-                assert place
+                link = link or network_link(host, port, self.plan.timeout_s, self.plan.udp)
+                place = place or Found(self._keys(link, port))
                 self._unit(link, place, name, unit)
-            except LinkLost:  # as some do on a unit that they do not know
+            except HungUp:  # as some do on a unit that they do not know
                 assert link
                 link.stream.close()
                 link = None
-            except (Unreachable, Damaged) as error:
+            except (Unreachable, LinkLost, Damaged) as error:
                 if len(self.plan.hosts) == 1 or isinstance(error, Damaged):
                     say(error.what)
                 break
         if link:
             link.stream.close()
 
-    def _link(self, host: str, port: int) -> tuple[TcpLink, dict[str, Any]]:
-        """And what the configuration would have of it."""
-        if self.plan.udp:
-            datagrams = DatagramStream(host, port)
-            keys = {"host": datagrams.address, "tcp_port": port, "transport": "udp"}
-            return UdpLink(datagrams, self.plan.timeout_s), keys
-        stream = SocketStream(host, port, self.plan.timeout_s)
-        return TcpLink(stream, self.plan.timeout_s), {"host": stream.address, "tcp_port": port}
+    def _keys(self, link: TcpLink, port: int) -> dict[str, Any]:
+        """What the configuration would have of it."""
+        transport = {"transport": "udp"} if self.plan.udp else {}
+        return {"host": link.stream.address, "tcp_port": port} | transport
 
     def _counted(self, name: str) -> Iterator[int]:
         """The units; a terminal sees where the scan is."""
