@@ -35,39 +35,38 @@ enum exit_code { DONE, FAILED, WRONG_USAGE };
 static const char help[] =
     "usage: plant --seed N --trace FILE WORLD\n"
     "\n"
-    "Runs the processes of the file WORLD under one clock of their own, one at a "
-    "time. Its lines are words with\n"
-    "tabs between them; times are in seconds of the plant:\n"
+    "Runs the processes of the file WORLD under one clock of their own, one at a time.\n"
+    "Its lines are words with tabs between them; times are in seconds of the plant:\n"
     "\n"
     "  end      TIME\n"
     "  start    NAME TIME STDOUT STDERR PROGRAM [ARGUMENT]...\n"
-    "  kill     NAME TIME CALLS [STORES [rare]]  at its call number CALLS from TIME on, if it makes it "
-    "within "
-    "10 s,\n"
-    "                                    or before its store number STORES behind that into memory that "
-    "others "
-    "see;\n"
-    "                                    rare: after a second, and into what is not written often\n"
-    "  power    NAME TIME CALLS          the same, with all others that what started it has brought; the "
-    "disk loses what was not synchronised\n"
-    "  disk     FOLDER                   is a disk: FOLDER.log says what changes it\n"
-    "  full     TIME TO                  the disk is full\n"
-    "  refuses  TIME TO                  half of what would change it fails\n"
-    "  worn     TIME TO                  half of what reads it fails\n"
-    "  memory   NAME TIME CALLS FOR      it gets none for that long\n"
-    "  starve   NAME TIME TO             it gets none until then when it begins\n"
-    "  stop     NAME TIME CALLS FOR [STORES [rare]]  the same: it does not run for that long\n"
-    "  cut      PORT TIME TO             no octet passes the TCP port\n"
-    "  lose     PORT TIME                nothing of its connections arrives any more; new ones can be made\n"
-    "  delay    PORT LEAST MOST          what is sent over the TCP port is on its way so long, and longer if "
-    "it is lost\n"
-    "  host     NAME ADDRESS             it connects from this IPv4 address, and not from 127.0.0.1\n"
-    "  drift    PPM                      the calendar clock goes faster by that, or slower if it is below 0\n"
-    "  leap     TIME BY                  as step, as the kernel does it for a leap second: BY is -1 or 1\n"
-    "  step     TIME BY                  the calendar clock goes forward by that, or back if it is below 0\n"
+    "  kill     NAME TIME CALLS [STORES [rare]]\n"
+    "           at its call number CALLS from TIME on, if it makes it within 10 s,\n"
+    "           or before its store number STORES behind that into memory that others see;\n"
+    "           rare: after a second, and into what is not written often\n"
+    "  power    NAME TIME CALLS\n"
+    "           the same, with all others that what started it has brought;\n"
+    "           the disk loses what was not synchronised\n"
+    "  disk     FOLDER            is a disk: FOLDER.log says what changes it\n"
+    "  full     TIME TO           the disk is full\n"
+    "  refuses  TIME TO           half of what would change it fails\n"
+    "  worn     TIME TO           half of what reads it fails\n"
+    "  memory   NAME TIME CALLS FOR\n"
+    "           it gets none for that long\n"
+    "  starve   NAME TIME TO      it gets none until then when it begins\n"
+    "  stop     NAME TIME CALLS FOR [STORES [rare]]\n"
+    "           as kill: it does not run for that long\n"
+    "  cut      PORT TIME TO      no octet passes the TCP port\n"
+    "  lose     PORT TIME         nothing of its connections arrives any more; new ones can be made\n"
+    "  delay    PORT LEAST MOST   what is sent over the TCP port is on its way so long,\n"
+    "                             and longer if it is lost\n"
+    "  host     NAME ADDRESS      it connects from this IPv4 address, and not from 127.0.0.1\n"
+    "  drift    PPM               the calendar clock goes faster by that, or slower if it is below 0\n"
+    "  leap     TIME BY           as step, as the kernel does it for a leap second: BY is -1 or 1\n"
+    "  step     TIME BY           the calendar clock goes forward by that, or back if it is below 0\n"
     "\n"
-    "Exit codes: 0 the end came, 1 a process ended by a fault of its own, or all are "
-    "stuck, 2 wrong usage or file.\n";
+    "Exit codes: 0 the end came, 1 a process ended by a fault of its own, or all are stuck,\n"
+    "2 wrong usage or file.\n";
 
 struct start {
 	char *words[WORDS_MAX];
@@ -122,9 +121,12 @@ static void add_start(char *words[], size_t count)
 
 static void add_stores(struct plant_fault *fault, char *words[])
 {
-	if (words[0])
-		fault->stores = (uint32_t)number_of(words[0]);
-	fault->rare = words[0] && words[1];
+	if (!words[0])
+		return;
+	fault->stores = (uint32_t)number_of(words[0]);
+	if (words[1] && strcmp(words[1], "rare") != 0)
+		give_up(WRONG_USAGE, words[1], "expected nothing behind the stores, or rare");
+	fault->rare = words[1];
 }
 
 static void add_fault(enum plant_fault_kind kind, char *words[], size_t count)

@@ -411,7 +411,10 @@ def world_of(seed: int, seconds: float, fault_every_s: float = 30.0) -> World:
 
 
 def kind_of(seed: int, seconds: float, fault_every_s: float) -> World:
-    """Each fifth has all fronts. Of six others two are about lines, two far away, one a disk."""
+    """Each fifth has all fronts, and of the others each twelfth is overfull.
+
+    Of six others two are about lines, two far away, one a disk.
+    """
     if seed % ALL_FRONTS == 0:
         return troubled(seed, seconds, fault_every_s, fronts(groups=bool(seed % 2)))
     if seed % OVERFULL == OVERFULL_FIRST:

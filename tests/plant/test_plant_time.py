@@ -729,6 +729,7 @@ def test_a_crash_is_told(programs: Path, tmp_path: Path) -> None:
         ("begin\t5\n", "begin: unknown word"),
         ("end\t5\nstart\tx\t0\n", "start: expected a name, a time, two files and a program"),
         ("kill\trtud\t1\n", "expected a number"),
+        ("kill\trtud\t1\t0\t3\toften\n", "often: expected nothing behind the stores, or rare"),
         ("lose\t2404\n", "expected a time in seconds"),
         ("step\t1\tlate\n", "expected a time in seconds"),
         ("delay\t2404\t2\t1\n", "expected a port, and two times"),
