@@ -172,45 +172,76 @@ static void test_a_line_process_commands_nobody(void **state)
 	map_detach(owner);
 }
 
-/* A module that may command points 1 and 3, and nothing else. */
-static struct map *start_listed(struct stage *stage)
+static struct map *start_listed(struct stage *stage, const char *name)
 {
 	stage->with_listed = true;
 	make_again(stage);
-	return start(stage, "others");
+	return start(stage, name);
 }
 
-static void test_a_listed_module_commands_its_list_alone(void **state)
+enum taker { BY_NOBODY, BY_FIRST, BY_RTUD };
+
+/* Each action at each point, known or not. */
+static void assert_all_that_is_taken(struct stage *stage, struct map *wild,
+				     enum taker (*expected)(uint32_t point, unsigned action))
 {
-	struct stage *stage = *state;
-	struct map *wild = start_listed(stage), *first = start(stage, FIRST), *second = start(stage, SECOND);
+	struct map *first = start(stage, FIRST), *second = start(stage, SECOND);
 	struct map_request taken;
 
 	map_heartbeat(stage->rtud);
 	for (uint32_t point = 0; point < POINTS; point++)
 		for (unsigned action = 0; action < 256; action++) {
 			struct map_request wish = request(point, (enum map_action)action, 1, 1);
+			const enum taker taker = expected(point, action);
 
 			wish.value.u = MAP_FREEZE_ALL_DEVICES;
 			map_bell_clear(first);
 			map_bell_clear(second);
 			map_bell_clear(stage->rtud);
 			map_request_post(wild, wish);
-			assert_int_equal(map_request_next(first, &taken),
-					 (point == 1 || point == 3) && action <= MAP_RELEASE);
+			assert_int_equal(map_request_next(first, &taken), taker == BY_FIRST);
 			assert_false(map_request_next(second, &taken));
-			assert_false(map_request_next(stage->rtud, &taken));
+			assert_int_equal(map_request_next(stage->rtud, &taken), taker == BY_RTUD);
 		}
-	map_detach(wild);
 	map_detach(first);
 	map_detach(second);
+}
+
+static enum taker points_1_and_3(uint32_t point, unsigned action)
+{
+	return (point == 1 || point == 3) && action <= MAP_RELEASE ? BY_FIRST : BY_NOBODY;
+}
+
+static void test_a_listed_module_commands_its_list_alone(void **state)
+{
+	struct stage *stage = *state;
+	struct map *wild = start_listed(stage, "others");
+
+	assert_all_that_is_taken(stage, wild, points_1_and_3);
+	map_detach(wild);
+}
+
+static enum taker of_rtud(uint32_t point, unsigned action)
+{
+	(void)point;
+	return action == MAP_SETUP ? BY_RTUD : BY_NOBODY;
+}
+
+/* The gateway's page with set-up and without commands, when somebody has taken it over. */
+static void test_a_page_without_commands_asks_rtud_alone(void **state)
+{
+	struct stage *stage = *state;
+	struct map *wild = start_listed(stage, "page");
+
+	assert_all_that_is_taken(stage, wild, of_rtud);
+	map_detach(wild);
 }
 
 /* Its answers would overwrite those to the control centre. */
 static void test_a_listed_module_floods_its_share_alone(void **state)
 {
 	struct stage *stage = *state;
-	struct map *wild = start_listed(stage);
+	struct map *wild = start_listed(stage, "others");
 	struct command_stage commands = start_commands(stage);
 
 	for (int turn = 0; turn < 20; turn++) {
@@ -347,6 +378,7 @@ int main(void)
 	    TEST(test_a_flood_of_requests_is_bounded_by_the_period),
 	    TEST(test_a_line_process_commands_nobody),
 	    TEST(test_a_listed_module_commands_its_list_alone),
+	    TEST(test_a_page_without_commands_asks_rtud_alone),
 	    TEST(test_a_listed_module_floods_its_share_alone),
 	    TEST(test_noise_in_a_segment_harms_nobody_else),
 	    TEST(test_a_counter_beyond_the_section_is_none),

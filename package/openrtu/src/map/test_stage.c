@@ -16,6 +16,8 @@ static void plan_listed(struct stage *stage)
 
 	stage->modules[number].first_listed = 1;
 	stage->modules[number].listed_count = 2;
+	plan_module(&stage->config, "page", "web", MAP_MAY_REQUEST | MAP_ASKS_SETUP | MAP_REQUESTS_LISTED,
+		    (struct map_rings){64, 1, 1, 16});
 	map_add_section(&stage->config, MAP_LISTED, sizeof(*listed), 4, listed);
 }
 

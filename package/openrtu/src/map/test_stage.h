@@ -26,7 +26,8 @@ struct stage {
 	struct map_config config;
 	struct map_module_plan modules[MAP_MODULES_MAX];
 	struct map_retained_plan retained; /* of the first line */
-	bool with_listed; /* there is a module "others", which may command points 1 and 3 alone */
+	/* There is a module "others", which may command points 1 and 3 alone, and "page", which may ask rtud for MAP_SETUP alone. */
+	bool with_listed;
 	struct map *rtud;
 };
 

@@ -1,7 +1,11 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* What the gateway's page may change of the file: each key that there is, and who tries to get around its row. */
 #include "config/page.h"
+#include "iec104/config.h"
+#include "modbus/config.h"
 #include "rtud/config_parts.h"
+#include "rtud/kinds.h"
+#include "web/config.h"
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -302,6 +306,36 @@ static void test_the_page_reaches_lines_and_templates_alone(void **state)
 }
 #endif
 
+static uint32_t flags_of_page(struct web_settings web)
+{
+	struct modbus_settings modbus = {.priority = 45};
+	struct iec104_settings iec104 = {.port = 2404};
+	struct map_module_plan modules[MAP_MODULES_MAX];
+	struct map_config config = {.settings.event_ring = 64, .modules = modules};
+
+	map_add_section(&config, MODBUS_SETTINGS, sizeof(modbus), 1, &modbus);
+	map_add_section(&config, IEC104_SETTINGS, sizeof(iec104), 1, &iec104);
+	map_add_section(&config, WEB_SETTINGS, sizeof(web), 1, &web);
+	assert_true(kinds_plan(&config));
+	for (uint32_t i = 0; i < config.module_count; i++)
+		if (strcmp(modules[i].kind, WEB_KIND) == 0)
+			return modules[i].flags;
+	skip(); /* a gateway that is built without its page */
+	return 0;
+}
+
+/* What a process with these flags may, map/test_hostile.c shows. */
+static void test_the_process_requests_what_the_file_lets_it(void **state)
+{
+	(void)state;
+	assert_int_equal(flags_of_page((struct web_settings){.port = 443}), 0);
+	assert_int_equal(flags_of_page((struct web_settings){.setup = true}),
+			 MAP_MAY_REQUEST | MAP_ASKS_SETUP | MAP_REQUESTS_LISTED);
+	assert_int_equal(flags_of_page((struct web_settings){.commands = true}), MAP_MAY_REQUEST);
+	assert_int_equal(flags_of_page((struct web_settings){.commands = true, .setup = true}),
+			 MAP_MAY_REQUEST | MAP_ASKS_SETUP);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -313,6 +347,7 @@ int main(void)
 		cmocka_unit_test(test_what_the_gateway_writes_itself_is_refused),
 		cmocka_unit_test(test_what_is_locked_acts_on_what_it_did),
 		cmocka_unit_test(test_other_forms_hide_nothing),
+		cmocka_unit_test(test_the_process_requests_what_the_file_lets_it),
 #if OPENRTU_SCHEMA
 		cmocka_unit_test(test_each_key_is_refused_unless_its_row_lets_it),
 		cmocka_unit_test(test_the_page_reaches_lines_and_templates_alone),
