@@ -12,7 +12,7 @@ import pytest
 from pymodbus.pdu import ModbusPDU
 
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
-from peers.device import UNIT
+from peers.device import UNIT, powered
 from peers.pymodbus_device import PymodbusDevice
 from rig.configuration import VALIDATOR
 from rig.desk import patience
@@ -61,9 +61,7 @@ def bench(programs: Path) -> Iterator[Bench]:
     assert [error.message for error in VALIDATOR.iter_errors(configuration(port))] == []
     with contextlib.ExitStack() as stack:
         stack.callback(remove, directory)
-        device = PagedDevice(port)
-        device.start()
-        stack.callback(device.stop)
+        device = stack.enter_context(powered(PagedDevice(port)))
         config = listening_on(configuration(port), free_port())
         gateway = stack.enter_context(Gateway(config, directory, programs))
         gateway.wait_for(

@@ -6,8 +6,7 @@ What linesim's registers hold, and what the gateway makes of them, is worked out
 
 import contextlib
 import json
-import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ import pytest
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.linesim import LineSim
 from openrtu_tools import devices
+from openrtu_tools.modbus.values import BIG, WITHOUT, Layout
 from rig.desk import everything_read, patience
 
 KINDS = {"meter", "inverter", "battery", "relay", "drive", "sensor", "I/O", "genset", "heat pump"}
@@ -28,18 +28,18 @@ UNITS |= {"W/m²", "deg", "lx", "ppm", "ohm", "K", "m³", "m³/s", "l", "l/s", "
 PREFIXES = ("", "m", "µ", "k", "M", "h", "d", "c", "G")
 NO_SI = {"rpm", "l/h", "m³/h", "bar", "mbar", "Ah", "d", "µg/m³", "mm/h"}
 TABLES = {"coils": 1, "discrete_inputs": 1, "input_registers": 16, "holding_registers": 16}
-FORMATS = {
-    **{"int16": (1, "h"), "uint16": (1, "H"), "int32": (2, "i"), "uint32": (2, "I")},
-    **{"int64": (4, "q"), "uint64": (4, "Q"), "float32": (2, "f"), "float64": (4, "d")},
-}
 DEFAULTS = {"float": "float32", "scaled": "int16", "counter": "int32", "bitstring": "uint32"}
 UNITS_A_LINE = 60
 POWER = 1  # of ten, in what scales others
 
 
 def format_of(one: dict[str, Any]) -> str:
-    fallback = "uint16" if "bits" in one else DEFAULTS[one.get("type", "scaled")]
+    fallback = WITHOUT if "bits" in one else DEFAULTS[one.get("type", "scaled")]
     return str(one.get("format", fallback))
+
+
+def layout_of(one: dict[str, Any]) -> Layout:
+    return Layout(format_of(one), one.get("word_order", BIG), one.get("byte_order", BIG))
 
 
 def is_bit(table: str, one: dict[str, Any]) -> bool:
@@ -59,44 +59,73 @@ def says_what_it_takes(table: str, one: dict[str, Any]) -> bool:
 # ---- what a template says of itself ------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", LIBRARY)
-def test_a_template_says_what_it_is_of_and_where_it_is_from(name: str) -> None:
-    device = LIBRARY[name]
-    assert device.about["kind"] in KINDS
-    assert device.about["maker"] and device.about["device"] and device.about["connection"]
-    assert device.about["untried"] is True  # until somebody has read one
+def wrong(finds: Callable[[devices.Device], Iterator[str]]) -> dict[str, list[str]]:
+    """What it finds in each template that has any of it."""
+    found = {device.name: list(finds(device)) for device in LIBRARY.values()}
+    return {name: messages for name, messages in found.items() if messages}
+
+
+def in_what_it_says(device: devices.Device) -> Iterator[str]:
+    if device.about["kind"] not in KINDS:
+        yield f"its kind is {device.about['kind']}"
+    yield from (f"no {key}" for key in ("maker", "device", "connection") if not device.about[key])
+    if device.about["untried"] is not True:  # until somebody has read one
+        yield "untried is not true"
     rows = {one["name"] for _, one in device.objects()}
-    sources = device.about["sources"]
-    assert all(set(source.get("lacks", ())) <= rows for source in sources), (
-        "a source lacks what the template has not"
-    )
-    assert {row for row in rows if all(row in source.get("lacks", ()) for source in sources)} == set()
+    lacking = [set(source.get("lacks", ())) for source in device.about["sources"]]
+    yield from (f"a source lacks {row}, which it has not" for row in set().union(*lacking) - rows)
+    yield from (f"no source has {row}" for row in rows.intersection(*lacking))
 
 
-@pytest.mark.parametrize("name", LIBRARY)
-def test_its_objects_have_names_units_and_addresses_of_their_own(name: str) -> None:
-    objects = list(LIBRARY[name].objects())
-    names = [one["name"] for _, one in objects]
-    assert len(names) == len(set(names))
-    bits: dict[tuple[str, int], set[int]] = {}
-    for table, one in objects:
-        unit = one.get("unit", "")
-        assert unit == "" or unit in NO_SI or any(unit == p + u for p in PREFIXES for u in UNITS), one
-        count = one.get("length") or (1 if is_bit(table, one) else FORMATS[format_of(one)][0])
-        first, last = (one["bit"], one["bit"]) if "bit" in one else one.get("bits", (0, 15))
-        for address in range(one["address"], one["address"] + count):
-            whole = TABLES[table] == 1 or not one.keys() & {"bit", "bits"}
-            taken = set(range(16)) if whole else set(range(first, last + 1))
-            assert not taken & bits.setdefault((table, address), set()), one
-            bits[table, address] |= taken
+def test_a_template_says_what_it_is_of_and_where_it_is_from() -> None:
+    assert wrong(in_what_it_says) == {}
 
 
-@pytest.mark.parametrize("name", [name for name in LIBRARY if not name.startswith("sunspec-model")])
-def test_what_takes_commands_says_which(name: str) -> None:
+def is_a_unit(unit: str) -> bool:
+    return unit == "" or unit in NO_SI or any(unit == prefix + si for prefix in PREFIXES for si in UNITS)
+
+
+def bits_of(table: str, one: dict[str, Any]) -> Iterator[tuple[str, int, int]]:
+    """Each with its address."""
+    count = one.get("length") or (1 if is_bit(table, one) else layout_of(one).width)
+    first, last = (one["bit"], one["bit"]) if "bit" in one else one.get("bits", (0, 15))
+    for address in range(one["address"], one["address"] + count):
+        yield from ((table, address, bit) for bit in range(first, last + 1))
+
+
+def in_its_objects(device: devices.Device) -> Iterator[str]:
+    names: set[str] = set()
+    taken: set[tuple[str, int, int]] = set()
+    for table, one in device.objects():
+        name, bits = one["name"], set(bits_of(table, one))
+        if name in names:
+            yield f"a second {name}"
+        if not is_a_unit(one.get("unit", "")):
+            yield f"{name}: unit {one['unit']}"
+        if taken & bits:
+            yield f"{name}: is where another one is"
+        names.add(name)
+        taken |= bits
+
+
+def test_its_objects_have_names_units_and_addresses_of_their_own() -> None:
+    assert wrong(in_its_objects) == {}
+
+
+def is_a_model(device: devices.Device) -> bool:
+    """A table of SunSpec, which does not say what a device lets write."""
+    return "model" in device.about
+
+
+def in_its_commands(device: devices.Device) -> Iterator[str]:
     """What a device only measures has read_only."""
-    for table, one in LIBRARY[name].objects():
-        if takes_commands(table, one):
-            assert says_what_it_takes(table, one) or one.get("write_only"), one
+    for table, one in [] if is_a_model(device) else device.objects():
+        if takes_commands(table, one) and not (says_what_it_takes(table, one) or one.get("write_only")):
+            yield f"{one['name']}: takes any value"
+
+
+def test_what_takes_commands_says_which() -> None:
+    assert wrong(in_its_commands) == {}
 
 
 # ---- on a line ---------------------------------------------------------------------------------------
@@ -129,18 +158,9 @@ class Simulated:
             raw %= 1 << last - first + 1
             place[address] = place.get(address, 0) | raw << first
         else:
-            for at, register in enumerate(registers_of(one, raw), address):
+            for at, register in enumerate(layout_of(one).words(str(raw)), address):
                 place[at] = register
         self.values[one["name"]] = raw * one.get("scale", 1) + one.get("offset", 0)
-
-
-def registers_of(one: dict[str, Any], raw: float) -> list[int]:
-    count, letter = FORMATS[format_of(one)]
-    octets = struct.pack(f">{letter}", raw)
-    registers = list(struct.unpack(f">{count}H", octets))
-    if one.get("byte_order") == "little":
-        registers = [register >> 8 | (register & 0xFF) << 8 for register in registers]
-    return registers[::-1] if one.get("word_order") == "little" else registers
 
 
 def simulated(device: devices.Device) -> Simulated:
@@ -208,12 +228,14 @@ def library(programs: Path) -> Iterator[Library]:
         yield Library(lines, gateway, found, gateway.points())
 
 
-@pytest.mark.parametrize("name", LIBRARY)
-def test_all_points_of_its_device_are_read(library: Library, name: str) -> None:
-    place, own = library.devices[name]
-    for row, value in own.values.items():
-        expected = value if isinstance(value, str) else pytest.approx(value, rel=1e-6)
-        assert library.points[f"{place}/{row}"]["value"] == expected, row
+def test_all_points_of_each_device_are_read(library: Library) -> None:
+    wrong = {}
+    for name, (place, own) in library.devices.items():
+        for row, value in own.values.items():
+            expected = value if isinstance(value, str) else pytest.approx(value, rel=1e-6)
+            if (found := library.points[f"{place}/{row}"]["value"]) != expected:
+                wrong[name, row] = found, value
+    assert wrong == {}
 
 
 def commanded(one: dict[str, Any]) -> float:
@@ -225,8 +247,8 @@ def commanded(one: dict[str, Any]) -> float:
     "name",
     [
         name
-        for name, device in LIBRARY.items()  # a table of SunSpec does not say what a device lets write
-        if "model" not in device.about
+        for name, device in LIBRARY.items()
+        if not is_a_model(device)
         and any(takes_commands(*row) and says_what_it_takes(*row) for row in device.objects())
     ],
 )
@@ -243,6 +265,6 @@ def test_its_device_is_commanded(library: Library, name: str) -> None:
         value = commanded(one)
         library.gateway.ctl("set", *(["--select"] if one.get("select") else []), point, f"{value:g}")
         raw = (value - one.get("offset", 0)) / one.get("scale", 1)
-        wanted = registers_of(one, raw if "float" in format_of(one) else round(raw))
+        wanted = layout_of(one).words(str(raw if "float" in format_of(one) else round(raw)))
         read = [library.lines.get(place, "holding_registers", address + i) for i in range(len(wanted))]
         assert read == wanted, one

@@ -14,7 +14,7 @@ import pytest
 
 from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.master import Master, Report
-from peers.device import BAUD_RATE, FIRST_ADDRESS, UNIT, Device
+from peers.device import BAUD_RATE, FIRST_ADDRESS, UNIT, Device, powered
 from peers.device_server import device_server
 from peers.libmodbus_device import LibmodbusDevice
 from peers.line import line
@@ -136,15 +136,6 @@ class Peer:
 
     def command(self, ioa: int, kind: str, info: Any) -> bool:
         return self.master.command(self.ca, ioa, kind, info)
-
-
-@contextlib.contextmanager
-def powered(device: Device) -> Iterator[Device]:
-    device.start()
-    try:
-        yield device
-    finally:
-        device.stop()
 
 
 @pytest.fixture(scope="module")

@@ -6,6 +6,7 @@ What is lost, late or junk is shown in simulated time: modbus/test_line_udp.c.
 
 import contextlib
 import socket
+import struct
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ from lab.gateway import Gateway, free_port, listening_on, remove, run_directory
 from lab.manager import free_udp_port
 from lab.master import Master
 from openrtu_tools.cli import main
-from peers.device import UNIT
+from peers.device import UNIT, powered
 from peers.pymodbus_device import PymodbusUdpDevice
 from rig.configuration import check_document
 from rig.desk import everything_read
@@ -27,17 +28,21 @@ from rig.desk import everything_read
 PORT, CA = 9, 9000 + UNIT
 WAIT_S = 30.0
 HELD = [1100, 1101]
+HEADER = 7  # octets before the function
+WRITE = 6
 
 
 class Between:
-    """Passes datagrams on, and loses each third; behind each answer comes one that is none."""
+    """Passes datagrams on but each third, and one function; behind each answer comes one that is none."""
 
     def __init__(self, port: int) -> None:
         self._device = ("127.0.0.1", port)
         self._socket = socket.socket(type=socket.SOCK_DGRAM)
         self._socket.bind(("127.0.0.1", 0))
         self.port: int = self._socket.getsockname()[1]
+        self.asked: list[bytes] = []  # the protocol data units that came for the device, function first
         self.lost = 0
+        self.losing = 0  # the function of which none gets through
 
     def __enter__(self) -> "Between":
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -50,7 +55,7 @@ class Between:
         self._socket.close()
 
     def _run(self) -> None:
-        asked, client = 0, ("127.0.0.1", 0)
+        client = ("127.0.0.1", 0)
         while True:
             octets, peer = self._socket.recvfrom(512)
             if not octets and peer != self._device:
@@ -60,8 +65,9 @@ class Between:
                 self._socket.sendto(b"", client)
                 self._socket.sendto(octets[:5], client)
                 continue
-            asked, client = asked + 1, peer
-            if asked % 3 == 0:
+            client = peer
+            self.asked.append(octets[HEADER:])
+            if len(self.asked) % 3 == 0 or self.asked[-1][0] == self.losing:
                 self.lost += 1
             else:
                 self._socket.sendto(octets, self._device)
@@ -92,9 +98,7 @@ def line(programs: Path) -> Iterator[Line]:
     directory, port = run_directory(), free_udp_port()
     with contextlib.ExitStack() as stack:
         stack.callback(remove, directory)
-        device = PymodbusUdpDevice(port)
-        device.start()
-        stack.callback(device.stop)
+        device = stack.enter_context(powered(PymodbusUdpDevice(port)))
         device.set("holding_registers", 100, HELD)
         between = stack.enter_context(Between(port))
         config = listening_on(configuration(between.port), free_port())
@@ -114,25 +118,43 @@ def test_values_are_read_though_datagrams_are_lost(line: Line) -> None:
     assert "closes" not in row
 
 
+def writes(asked: list[bytes]) -> list[bytes]:
+    return [pdu for pdu in asked if pdu[0] == WRITE]
+
+
 def test_a_command_is_sent_once(line: Line) -> None:
     """It is executed, or lost and then not repeated."""
-    before = len([pdu for pdu in line.device.requests if pdu[0] == 6])
+    before = len(writes(line.device.requests)), len(writes(line.between.asked))
     done = line.master.command(CA, 40101, "C_SE_NB_1", c104.ScaledCmd(c104.Int16(7)))
-    writes = [pdu for pdu in line.device.requests if pdu[0] == 6][before:]
-    assert len(writes) == int(done)
+    assert len(writes(line.device.requests)) - before[0] == int(done)
+    assert len(writes(line.between.asked)) - before[1] == 1
+
+
+def test_a_lost_command_is_not_repeated(line: Line) -> None:
+    """The reads go on, and are repeated, behind it."""
+    mark = len(line.between.asked)
+    line.between.losing = WRITE
+    try:
+        assert not line.master.command(CA, 40102, "C_SE_NB_1", c104.ScaledCmd(c104.Int16(8)))
+        ended = len(line.between.asked)
+        line.gateway.wait_for(lambda: len(line.between.asked) > ended + 6, WAIT_S, "it is read again")
+    finally:
+        line.between.losing = 0
+    assert writes(line.between.asked[mark:]) == [bytes([WRITE]) + struct.pack(">HH", 101, 8)]
+    assert line.device.get("holding_registers", 101, 1) == [HELD[1]]
 
 
 def test_a_host_without_modbus_is_lost_and_tried_again(line: Line, programs: Path) -> None:
-    directory = run_directory()
-    try:
-        with Gateway(
-            listening_on(configuration(free_udp_port()), free_port()), directory, programs
-        ) as gateway:
-            text = f"port {PORT}: 127.0.0.1 port"
-            gateway.wait_for(lambda: text in gateway.log() and "refused" in gateway.log(), WAIT_S, text)
-            assert gateway.modules()["rtu-modbus-1"]["pid"]
-    finally:
-        remove(directory)
+    directory, port = run_directory(), free_udp_port()
+    with contextlib.ExitStack() as stack:
+        stack.callback(remove, directory)
+        config = listening_on(configuration(port), free_port())
+        gateway = stack.enter_context(Gateway(config, directory, programs))
+        text = f"port {PORT}: 127.0.0.1 port"
+        gateway.wait_for(lambda: text in gateway.log() and "refused" in gateway.log(), WAIT_S, text)
+        assert gateway.modules()["rtu-modbus-1"]["pid"]
+        stack.enter_context(powered(PymodbusUdpDevice(port)))
+        gateway.wait_for(lambda: everything_read(gateway), WAIT_S, "the server that came is read")
 
 
 def test_openrtu_reads_by_udp(line: Line, capsys: pytest.CaptureFixture[str]) -> None:

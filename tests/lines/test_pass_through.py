@@ -23,6 +23,7 @@ from rig.configuration import check_document
 from rig.desk import everything_read, patience
 
 UNIT, BARE, FORBIDDEN, ABSENT = 5, 6, 7, 8  # polled and open; open; polled; open, and not there
+DEVICE, TABLE = f"1.{UNIT}", "holding_registers"
 NO_PATH, NO_TARGET = 10, 11
 WAIT_S = 20.0
 LIMIT = 2
@@ -90,6 +91,13 @@ def tool(line: Line) -> Iterator[ModbusTcpClient]:
         yield client
 
 
+@pytest.fixture
+def as_before(line: Line) -> Iterator[None]:
+    """What a test writes is undone."""
+    yield
+    line.lines.set(DEVICE, TABLE, 40, VALUES["40"], VALUES["41"])
+
+
 @pytest.mark.parametrize("unit", [UNIT, BARE])
 def test_a_tool_reads_what_is_in_no_point(tool: ModbusTcpClient, unit: int) -> None:
     assert tool.read_holding_registers(40, count=2, device_id=unit).registers == [4000, 4001]
@@ -99,19 +107,24 @@ def test_a_devices_refusal_reaches_the_tool(tool: ModbusTcpClient) -> None:
     assert tool.read_holding_registers(9000, count=1, device_id=UNIT).exception_code == 2
 
 
+@pytest.mark.usefixtures("as_before")
 def test_a_write_reaches_the_device_and_the_log(line: Line, tool: ModbusTcpClient) -> None:
-    assert tool.write_register(40, 4000, device_id=UNIT).registers == [4000]
+    assert tool.write_register(40, 4010, device_id=UNIT).registers == [4010]
+    assert line.lines.get(DEVICE, TABLE, 40) == 4010
     text = f"port 1: 127.0.0.1 writes unit {UNIT} function 6 at 40: done"
     line.gateway.wait_for(lambda: line.log_has(text), WAIT_S, text)
 
 
 def test_what_is_not_allowed_does_not_reach_the_line(line: Line, tool: ModbusTcpClient) -> None:
     mark = line.lines.mark()
-    assert tool.read_holding_registers(0, count=1, device_id=FORBIDDEN).exception_code == NO_PATH
+    assert tool.read_holding_registers(40, count=1, device_id=FORBIDDEN).exception_code == NO_PATH
     assert tool.read_coils(0, count=1, device_id=UNIT).exception_code == NO_PATH
     assert tool.write_registers(0, [1], device_id=UNIT).exception_code == NO_PATH
-    sent = [frame.bytes[:2] for frame in line.lines.frames() if frame.number > mark and frame.bytes]
-    assert not {bytes([UNIT, 1]), bytes([UNIT, 16])} & set(sent)
+    allowed = tool.read_holding_registers(40, count=1, device_id=UNIT)  # on the line behind them
+    assert allowed.registers == [4000]
+    sent = {frame.bytes[:4] for frame in line.lines.frames(mark)}
+    assert bytes([UNIT, 3, 0, 40]) in sent and bytes([FORBIDDEN, 3, 0, 40]) not in sent
+    assert not {bytes([UNIT, 1]), bytes([UNIT, 16])} & {octets[:2] for octets in sent}
     text = f"writes unit {UNIT} function 16 at 0: not allowed"
     line.gateway.wait_for(lambda: line.log_has(text), WAIT_S, text)
 
@@ -121,12 +134,14 @@ def test_silence_is_told_as_such(line: Line, tool: ModbusTcpClient) -> None:
     assert everything_read(line.gateway)
 
 
+@pytest.mark.usefixtures("as_before")
 def test_openrtu_goes_through_the_gateways_line(line: Line, capsys: pytest.CaptureFixture[str]) -> None:
     where = [f"127.0.0.1:{line.port}", "--unit", f"{UNIT}", "--timeout", f"{WAIT_S}"]
     assert main(["read", *where, "h40", "--count", "2"]) == 0
     assert [line.split()[-1] for line in capsys.readouterr().out.splitlines()] == ["4000", "4001"]
-    assert main(["write", *where, "h41", "4001"]) == 0
+    assert main(["write", *where, "h41", "4011"]) == 0
     assert "as written" in capsys.readouterr().out
+    assert line.lines.get(DEVICE, TABLE, 41) == 4011
     assert main(["read", *where, "c3"]) != 0
     assert "does not allow this" in capsys.readouterr().err
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from lab.gateway import GatewayError
 from lab.master import Master
 from rig.configuration import VALIDATOR
 from rig.desk import Substation, everything_read, gateway_on_lines, patience
@@ -34,7 +35,7 @@ def configuration() -> dict[str, Any]:
     mounted = {"address": MOUNTED, "name": "mounted", "format": "string", "length": 2}
     tables = {INPUT: [serial, version, {"address": 0, "name": "level"}], HOLDING: [maker, mounted]}
     slave = {"id": 5, **patience(), "period_ms": 300, **tables}
-    return {"iec104": {}, "port": [{"value": 1, "active": 1, **pace, "slaves": [slave]}]}
+    return {"iec104": {}, "force_max_s": 60, "port": [{"value": 1, "active": 1, **pace, "slaves": [slave]}]}
 
 
 @pytest.fixture(scope="module")
@@ -65,6 +66,8 @@ def test_texts_are_values_with_quality_and_time(running: Substation) -> None:
 
 def test_nobody_commands_or_forces_a_text(running: Substation) -> None:
     assert [row["name"] for row in running.gateway.query("commands")] == []
+    with pytest.raises(GatewayError, match="maker cannot be forced: it is a text"):
+        running.gateway.ctl("force", "maker", "7", "--for", "10s")
     assert running.gateway.points()["maker"]["forced"] is None
 
 

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the tests ask of a Modbus device, whoever made its server."""
 
+import contextlib
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 UNIT = 17
 BAUD_RATE = 115200
@@ -37,3 +39,15 @@ class Device(ABC):
     @abstractmethod
     def set(self, table: str, address: int, values: Sequence[int]) -> None:
         """Changes neighbouring values of the server's own memory, between two answers."""
+
+
+Made = TypeVar("Made", bound=Device)
+
+
+@contextlib.contextmanager
+def powered(device: Made) -> Iterator[Made]:
+    device.start()
+    try:
+        yield device
+    finally:
+        device.stop()

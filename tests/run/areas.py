@@ -178,10 +178,11 @@ REACH = [
     ),
     ("scripts/keys.py", f"lint {CONFIG} tests/house/test_codes_added.py {KEYS}"),
     ("scripts/block-plots.py", "lint tests/logic/test_logic_blocks.py"),
-    ("scripts/openrtu_tools/modbus/made.py", f"{PIP} test-tools {KEYS}"),
+    ("scripts/openrtu_tools/modbus/made.py", f"{PIP} test-tools {KEYS} tests/lines/test_device_library.py"),
     (
         "scripts/openrtu_tools/modbus/*",
-        f"{PIP} test-tools tests/tools/test_openrtu_completion.py",
+        f"{PIP} test-tools tests/tools/test_openrtu_completion.py tests/lines/test_device_library.py "
+        "tests/lines/test_modbus_udp.py tests/lines/test_pass_through.py",
     ),
     ("scripts/openrtu_tools/points.py", f"{PIP} tests/config/test_points.py {CONFIG}"),
     (
