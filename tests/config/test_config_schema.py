@@ -430,6 +430,31 @@ def test_schema_and_loader_agree_on_values(programs: Path, tmp_path: Path, site:
             assert result.returncode == 0, (key, value, result.stderr)
 
 
+READ_ONLY = [{}, {"select": True}, {"write_address": 9}, {"write_only": False}, {"deadband": 1.0}]
+TEXT = {"format": "string", "length": 4}
+WITH_TEXTS: list[dict[str, Any]] = [
+    *({"word_order": "big"}, {"select": True}, {"write_address": 9}, {"names": {"0": "off"}}, {"scale": 2.0}),
+    *({"bits": [0, 3]}, {"background_ms": 1000}, {"deadband": 1.0}, {"unit": "V"}, {"write_only": True}),
+]
+REGISTERS = [  # of holding registers: some are wrong
+    *({"read_only": is_so} | keys for is_so in (True, False) for keys in READ_ONLY),
+    {"format": "string", "length": 32},
+    {"format": "string16", "length": 1, "type": "bitstring", "byte_order": "little", "period_ms": 1000},
+    {"format": "string"},
+    {"length": 4},
+    TEXT | {"type": "float"},
+    *(TEXT | keys for keys in WITH_TEXTS),
+]
+
+
+@pytest.mark.parametrize("keys", REGISTERS, ids=str)
+def test_schema_and_loader_agree_on_registers(programs: Path, tmp_path: Path, keys: dict[str, Any]) -> None:
+    document = small_file()
+    document["port"][0]["slaves"][1]["holding_registers"].append({"address": 300, "ioa": 300} | keys)
+    result = check_document(programs, tmp_path, document)
+    assert VALIDATOR.is_valid(document) == (result.returncode == 0), result.stderr
+
+
 @pytest.mark.slow
 @pytest.mark.sample(15)
 @pytest.mark.parametrize("site", SITES, ids=lambda site: site.name() or "file")
@@ -640,49 +665,3 @@ def test_page_shows_the_examples() -> None:
     templates, report = map(json.loads, blocks)
     assert report == report_file()
     assert list(VALIDATOR.iter_errors(templates)) == []
-
-
-@pytest.mark.parametrize("is_so", [True, False])
-@pytest.mark.parametrize(
-    "keys", [{}, {"select": True}, {"write_address": 9}, {"write_only": False}, {"deadband": 1.0}], ids=str
-)
-def test_schema_and_loader_agree_on_read_only(
-    programs: Path, tmp_path: Path, keys: dict[str, Any], is_so: bool
-) -> None:
-    document = small_file()
-    document["port"][0]["slaves"][1]["holding_registers"].append({"address": 300, "read_only": is_so} | keys)
-    result = check_document(programs, tmp_path, document)
-    assert VALIDATOR.is_valid(document) == (result.returncode == 0), result.stderr
-
-
-@pytest.mark.parametrize(
-    "keys",
-    [
-        {"format": "string", "length": 32},
-        {"format": "string16", "length": 1, "type": "bitstring", "byte_order": "little", "period_ms": 1000},
-        {"format": "string"},
-        {"length": 4},
-        {"format": "string", "length": 4, "type": "float"},
-        *(
-            {"format": "string", "length": 4} | {key: value}
-            for key, value in (
-                ("word_order", "big"),
-                ("select", True),
-                ("write_address", 9),
-                ("names", {"0": "off"}),
-                ("scale", 2.0),
-                ("bits", [0, 3]),
-                ("background_ms", 1000),
-                ("deadband", 1.0),
-                ("unit", "V"),
-                ("write_only", True),
-            )
-        ),
-    ],
-    ids=str,
-)
-def test_schema_and_loader_agree_on_texts(programs: Path, tmp_path: Path, keys: dict[str, Any]) -> None:
-    document = small_file()
-    document["port"][0]["slaves"][1]["holding_registers"].append({"address": 300, "ioa": 300} | keys)
-    result = check_document(programs, tmp_path, document)
-    assert VALIDATOR.is_valid(document) == (result.returncode == 0), result.stderr
