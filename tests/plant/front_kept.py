@@ -63,8 +63,6 @@ def nothing_is_mixed(history: History) -> Iterator[Violation]:
 def lost_from_s(history: History, end: Fault) -> float:
     """From when on the variables may be lost with the gateway; a worn disk may give nothing back."""
     from_s = unwritten_from_s(history, end)
-    if from_s == end.at_s - JOURNAL_S:
-        return float("-inf")
     return from_s if has_journal(history, end) else min(from_s, end.at_s - JOURNAL_S)
 
 

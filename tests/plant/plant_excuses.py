@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import math
+
 from plant_history import CALL_WITHIN_S, CENTRE, History, Told
 from plant_world import JOURNAL, MODBUS_PORT, NETWORKED, PORT, Fault
 
@@ -73,7 +75,7 @@ def unwritten_from_s(history: History, end: Fault) -> float:
     for fault in sorted(history.faults, key=lambda fault: fault.at_s, reverse=True):
         near = fault.at_s < end.at_s + CALL_WITHIN_S + AFTER_S and fault.end_s + RECORDED_S > from_s
         if fault.kind == "worn" and near:
-            return end.at_s - JOURNAL_S
+            return -math.inf
         if fault.kind in ("full", "refuses") and near:
             from_s = min(from_s, fault.at_s - RECORDED_S)
     return from_s
@@ -101,7 +103,8 @@ def goes_with_the_gateway(history: History, since_s: float) -> bool:
         if (fault.kind, fault.of) != ("kill", "rtud"):
             continue
         journal = has_journal(history, fault)
-        from_s = unwritten_from_s(history, fault) if journal else fault.at_s - JOURNAL_S
+        unwritten_s = unwritten_from_s(history, fault) if journal else -math.inf
+        from_s = unwritten_s if math.isfinite(unwritten_s) else fault.at_s - JOURNAL_S
         if from_s < since_s < fault.at_s + (CALL_WITHIN_S + AFTER_S if journal else JOURNAL_S):
             return True
     return False

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Variables that a program retains, in the plant (docs/plant.md): behind a power cut they are whole."""
 
+import math
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
@@ -8,13 +9,16 @@ from pathlib import Path
 import pytest
 
 from front_disk import Disk
-from front_kept import MIXED, SHOWN, Kept
+from front_kept import MIXED, SHOWN, Kept, lost_from_s
+from plant_excuses import JOURNAL_S, RECORDED_S
+from plant_history import History
 from plant_judge import judge
 from plant_trials import Lines, run_world, spoiled_copy
 from plant_world import JOURNAL, Fault, Run, World
 
 SECONDS = 50.0
 CUT = Fault(25.3, "blackout", JOURNAL, calls=7)
+KILL = Fault(100.0, "kill", "rtud")
 INVALID = 128
 
 
@@ -35,6 +39,14 @@ def test_a_program_goes_on_behind_a_power_cut(cut: Run) -> None:
     back = [before - value for before, value in pairwise(told) if value <= before]
     assert len(back) <= 1 and all(by <= 5 for by in back)
     assert max(told) > 30
+
+
+@pytest.mark.parametrize(("kind", "from_s"), [("full", KILL.at_s - JOURNAL_S), ("worn", -math.inf)])
+def test_only_a_worn_disk_may_give_nothing_back(tmp_path: Path, kind: str, from_s: float) -> None:
+    """A full one gives back what was written before, for however long it was full."""
+    faults = (Fault(KILL.at_s - JOURNAL_S + RECORDED_S, kind, "disk", for_s=80.0), KILL)
+    history = History(Run(World(1, 200.0, (), faults), tmp_path, 0.0, 0, ""))
+    assert lost_from_s(history, KILL) == from_s
 
 
 # ---- each rule can fail -------------------------------------------------------------------------------

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from plant_seeds import between_stores, troubled
+from plant_seeds import between_stores, troubled, writes_the_map
 from plant_trials import run_script
 
 STORES = """
@@ -27,9 +27,10 @@ else:
 """
 DYING, STOPPING = "kill\tscript\t0.5\t0\t{}\n", "stop\tscript\t0.5\t0\t10\t{}\n"
 
-pytestmark = pytest.mark.skipif(platform.machine() != "x86_64", reason="nothing lets one store alone through")
+stepped = pytest.mark.skipif(platform.machine() != "x86_64", reason="nothing lets one store alone through")
 
 
+@stepped
 @pytest.mark.parametrize(
     ("stores", "seen"), [(1, "0000000000000000"), (5, "0102030400000000"), (8, "0102030405060700")]
 )
@@ -39,6 +40,7 @@ def test_a_process_dies_before_a_store(programs: Path, tmp_path: Path, stores: i
     assert (tmp_path / "out").read_text().split() == [seen, seen]
 
 
+@stepped
 def test_a_process_stops_before_a_store_and_goes_on(programs: Path, tmp_path: Path) -> None:
     ran = run_script(tmp_path, STORES.format(file=tmp_path / "shared"), STOPPING.format(4))
     assert (ran.returncode, ran.stderr) == (0, "")
@@ -62,6 +64,7 @@ else:
 """
 
 
+@stepped
 def test_what_is_written_often_is_no_rare_store(programs: Path, tmp_path: Path) -> None:
     ran = run_script(tmp_path, COUNTING.format(file=tmp_path / "shared"), DYING.format("3\trare"))
     assert (ran.returncode, ran.stderr) == (0, "")
@@ -71,7 +74,9 @@ def test_what_is_written_often_is_no_rare_store(programs: Path, tmp_path: Path) 
 def test_half_of_those_who_write_the_map_fail_between_two_stores() -> None:
     world = between_stores(troubled(7, 3600.0, 10.0))
     failing = [fault for fault in world.faults if fault.kind in ("kill", "stop")]
-    assert not any(fault.stores for fault in failing if fault.of == "rtu-centre")
+    writing = [fault for fault in failing if writes_the_map(fault.of)]
     at_stores = [fault for fault in failing if fault.stores]
-    assert 0.2 < len(at_stores) / len(failing) < 0.6
+    assert at_stores == [fault for fault in writing if fault.stores]
+    assert "rtu-centre" in {fault.of for fault in failing} - {fault.of for fault in writing}
+    assert 0.4 < len(at_stores) / len(writing) < 0.65
     assert {fault.rare for fault in at_stores} == {False, True}
