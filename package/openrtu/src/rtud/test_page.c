@@ -310,7 +310,7 @@ static uint32_t flags_of_page(struct web_settings web)
 {
 	struct modbus_settings modbus = {.priority = 45};
 	struct iec104_settings iec104 = {.port = 2404};
-	struct map_module_plan modules[MAP_MODULES_MAX];
+	struct map_module_plan modules[MAP_MODULES_MAX] = {0};
 	struct map_config config = {.settings.event_ring = 64, .modules = modules};
 
 	map_add_section(&config, MODBUS_SETTINGS, sizeof(modbus), 1, &modbus);
