@@ -200,6 +200,16 @@ def test_events_and_past_alarms_are_found(
     until(lambda: not client.get("/api/alarms"), "both are gone")
 
 
+def test_a_page_that_begins_at_its_events_offers_the_stations(context: BrowserContext, site: Site) -> None:
+    """The centre tells them to a page that is already there."""
+    page = open_page(context, site, "olga", "alarms/events")
+    offered = page.locator("main").get_by_label("Station").locator("option")
+    expect(offered).to_have_text(["Stations", *NAMES])
+    page.locator("main").get_by_label("Station").select_option("weir")
+    page.reload()
+    expect(offered).to_have_text(["Stations", *NAMES])
+
+
 def test_rates_are_figures_and_name_what_chatters(
     context: BrowserContext, site: Site, stations: Stations, made: dict[str, Station]
 ) -> None:

@@ -226,10 +226,11 @@ function alarmTable(place) {
 
 // What came in a time, of one station and kind or of all.
 function pastAlarms(place) {
-  const { elements, asked } = filters({ "": t("all_alarms"), ...Object.fromEntries(ALARM_KINDS.map((key) => [key, t(`kind_${key}`)])) }, "kind");
-  return list(place, "past_alarms", ["since", "station", "what", "until_gone", "by"], elements, async () => (
+  const { elements, asked, end } = filters({ "": t("all_alarms"), ...Object.fromEntries(ALARM_KINDS.map((key) => [key, t(`kind_${key}`)])) }, "kind");
+  const endList = list(place, "past_alarms", ["since", "station", "what", "until_gone", "by"], elements, async () => (
     (await live.ask(`alarms?${asked()}`)).map((alarm) => [alarm.id, time(alarm.since), stationName(alarm.station), words(alarm),
       alarm.gone ? time(alarm.gone) : t("active"), alarm.acknowledged ? `${alarm.by}, ${time(alarm.acknowledged)}` : "–"])));
+  return () => { endList(); end(); };
 }
 
 // ---- what happened -------------------------------------------------------------------------------
@@ -248,9 +249,9 @@ function toRelease(command) {
 }
 
 function showEvents(place) {
-  const { elements, asked } = filters({ "": t("all_causes"), ...Object.fromEntries(EVENT_CAUSES.map((key) => [key, t(`cause_${key}`)])) }, "cause");
+  const { elements, asked, end } = filters({ "": t("all_causes"), ...Object.fromEntries(EVENT_CAUSES.map((key) => [key, t(`cause_${key}`)])) }, "cause");
   const file = h("a", { download: "" }, "CSV");
-  return list(place, "events", ["time", "station", "name", "value", "quality", "cause"], [...elements, file], async () => {
+  const endList = list(place, "events", ["time", "station", "name", "value", "quality", "cause"], [...elements, file], async () => {
     const words = asked();
     file.setAttribute("href", `api/events?${new URLSearchParams([...words, ["format", "csv"]])}`);
     return (await live.ask(`events?${words}`)).map((event) => {
@@ -260,6 +261,7 @@ function showEvents(place) {
         CAUSES_OF_EVENTS[event.cause] ?? String(event.cause)];
     });
   });
+  return () => { endList(); end(); };
 }
 
 const TABS = {
