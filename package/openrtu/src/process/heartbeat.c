@@ -50,7 +50,7 @@ void heartbeat_words(char *out, size_t size, int64_t silent_ms, uint32_t limit_m
 		 more);
 }
 
-static void say_why(struct heartbeat *heartbeat, struct map *map, int64_t silent_ns, int64_t waited,
+static void say_why(struct heartbeat *heartbeat, struct map *map, int64_t silent_ns, int64_t waited_ms,
 		    int64_t now_ns)
 {
 	char words[MAP_LOG_TEXT_SIZE];
@@ -60,23 +60,33 @@ static void say_why(struct heartbeat *heartbeat, struct map *map, int64_t silent
 		return;
 	}
 	heartbeat_words(words, sizeof(words), silent_ns / NS_PER_MS,
-			map_heartbeat_limit_ms(map, map_self(map)), waited, heartbeat->unsaid);
+			map_heartbeat_limit_ms(map, map_self(map)), waited_ms, heartbeat->unsaid);
 	map_log(map, MAP_LOG_WARNING, "%s", words);
 	heartbeat->said_ns = now_ns;
 	heartbeat->unsaid = 0;
 }
 
+/* Of the silence, as far as the scheduler counted it. What it counted between the clock and this question is of the next
+ * silence. */
+static int64_t waited_of_ms(struct heartbeat *heartbeat, int64_t silent_ns)
+{
+	int64_t counted = waited_ns(heartbeat), waited = counted - heartbeat->waited_ns;
+
+	if (counted == HEARTBEAT_UNKNOWN)
+		return HEARTBEAT_UNKNOWN;
+	if (waited > silent_ns)
+		waited = silent_ns;
+	heartbeat->waited_ns += waited;
+	return waited / NS_PER_MS;
+}
+
 void heartbeat_beat(struct heartbeat *heartbeat, struct map *map, int64_t now_ns)
 {
 	int64_t limit_ns = map_heartbeat_limit_ms(map, map_self(map)) * NS_PER_MS;
-	int64_t silent_ns = now_ns - heartbeat->beaten_ns, waited = waited_ns(heartbeat);
+	int64_t silent_ns = now_ns - heartbeat->beaten_ns, waited_ms = waited_of_ms(heartbeat, silent_ns);
 
 	map_heartbeat(map);
 	if (silent_ns > limit_ns)
-		say_why(heartbeat, map, silent_ns,
-			waited == HEARTBEAT_UNKNOWN ? HEARTBEAT_UNKNOWN
-						    : (waited - heartbeat->waited_ns) / NS_PER_MS,
-			now_ns);
-	heartbeat->waited_ns = waited;
+		say_why(heartbeat, map, silent_ns, waited_ms, now_ns);
 	heartbeat->beaten_ns = now_ns;
 }

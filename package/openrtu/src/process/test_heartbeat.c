@@ -121,6 +121,21 @@ static void test_a_late_beat_says_how_long_it_waited_for_the_processor(void **st
 	end(&late);
 }
 
+/* The kernel is asked later than the clock: a process waits in between, too. */
+static void test_what_it_waited_after_a_beat_is_of_the_next_silence(void **state)
+{
+	struct late late = late_of(*state);
+
+	beat_after(&late, 25);
+	waited(&late, "7000000 501000000 13\n");
+	beat_after(&late, 200);
+	assert_said(&late, "silent for 200 ms (limit 100): the host gave this process no time for 200 ms");
+	late.heartbeat.said_ns = 0;
+	beat_after(&late, 310);
+	assert_said(&late, "silent for 310 ms (limit 100): the host gave this process no time for 300 ms");
+	end(&late);
+}
+
 static void test_flapping_fills_no_log(void **state)
 {
 	struct late late = late_of(*state);
@@ -155,6 +170,7 @@ int main(void)
 	    cmocka_unit_test(test_the_longest_words_fit_into_a_line_of_the_log),
 	    TEST(test_a_beat_in_time_says_nothing),
 	    TEST(test_a_late_beat_says_how_long_it_waited_for_the_processor),
+	    TEST(test_what_it_waited_after_a_beat_is_of_the_next_silence),
 	    TEST(test_flapping_fills_no_log),
 	    TEST(test_the_configured_limit_counts),
 	};
