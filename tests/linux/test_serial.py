@@ -71,7 +71,7 @@ class Near:
         self._file = f"/tmp/near{next(self._numbers)}"
         words = " ".join(map(str, arguments))
         linux.run(
-            f"(serial-line {words} > {self._file} 2>&1 & echo $! > {self._file}.pid;"
+            f": > {self._file}; (serial-line {words} > {self._file} 2>&1 & echo $! > {self._file}.pid;"
             f" wait $!; echo status $? >> {self._file}) > /dev/null 2>&1 &"
         )
 
