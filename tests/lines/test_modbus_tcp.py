@@ -362,7 +362,8 @@ def test_connection_that_brings_nothing_is_made_anew(programs: Path) -> None:
 
 @pytest.mark.slow
 def test_device_that_never_answered_is_said_once(programs: Path) -> None:
-    """One that says nothing; one that answers too late, with the number that helps; one of another unit."""
+    """One that says nothing; one that answers too late, with the number that helps; one of another unit; a
+    meter whose registers have four octets."""
     took_s = 0.6
 
     def late(request: Request) -> bytes:
@@ -372,12 +373,17 @@ def test_device_that_never_answered_is_said_once(programs: Path) -> None:
     def as_another(request: Request) -> bytes:
         return dataclasses.replace(request, unit=9).answer()
 
-    with Server() as silent, Server() as slow, Server() as other:
+    def wide(request: Request) -> bytes:
+        return request.frame(struct.pack(f">BB{request.value}I", READ_HOLDING, 4 * request.value, 1))
+
+    with Server() as silent, Server() as slow, Server() as other, Server() as meter:
         silent.respond, slow.respond, other.respond = (lambda _: b""), late, as_another
+        meter.respond = wide
         ports = [
             tcp_port(7, silent, [slave(1, 0, timeout_ms=200)]),
             tcp_port(8, slow, [slave(2, 0, timeout_ms=500)]),
             tcp_port(9, other, [slave(3, 0, timeout_ms=200)]),
+            tcp_port(10, meter, [slave(4, 0, timeout_ms=200)]),
         ]
         with gateway_of(programs, *ports) as gateway:
             said = [
@@ -385,6 +391,8 @@ def test_device_that_never_answered_is_said_once(programs: Path) -> None:
                 "p8.2: unit 2 on port 8 has never answered within 500 ms",
                 "p9.3: unit 3 on port 9 has never answered within 200 ms",
                 "p9.3: unit 3 was asked on port 9, and unit 9 answers",
+                "p10.4: unit 4 on port 10 has never answered within 200 ms",
+                "p10.4: unit 4 on port 10 answers with 4 octets of data, and 2 were asked for",
             ]
             number = re.compile(
                 r"p8\.2: unit 2 answers after (\d+) ms, response_timeout_ms is 500$", re.MULTILINE
@@ -394,7 +402,7 @@ def test_device_that_never_answered_is_said_once(programs: Path) -> None:
             gateway.wait_for(lambda: number.search(gateway.log()) is not None, 60.0, "how late it is")
             later = counters(gateway, 8)["late_answers"] + 3
             gateway.wait_for(lambda: counters(gateway, 8)["late_answers"] >= later, 60.0, "it goes on")
-            assert [gateway.log(1000).count(line_) for line_ in said] == [1, 1, 1, 1]
+            assert [gateway.log(1000).count(line_) for line_ in said] == [1] * len(said)
             (took_ms,) = map(int, number.findall(gateway.log(1000)))
             assert took_ms >= took_s * 1000
             assert all_are(gateway, "p8.2.*", "invalid")

@@ -207,11 +207,23 @@ static void keep_byte(struct modbus_line *line, uint8_t byte, int64_t now_ns)
 	line->received[line->received_count++] = byte;
 }
 
+/* So many octets a transceiver may add to an answer when it lets go of the line. */
+#define RELEASE_OCTETS 3
+
+/* Nothing else has come since the answer, behind which the line is to be silent. */
+static bool is_release(const struct modbus_line *line, int64_t now_ns)
+{
+	return line->received_count > 0 && line->received_count <= RELEASE_OCTETS &&
+	       now_ns <= line->silent_ns && line->restless_ns == line->devices[line->device].heard_ns;
+}
+
 void modbus_note_unrest(struct modbus_line *line, int64_t now_ns)
 {
+	const int64_t gap_ns = is_release(line, now_ns) ? line->wire.silence_ns : MODBUS_GAP_NS;
+
 	if (now_ns >= line->silent_ns)
 		line->restless_ns = now_ns;
-	line->silent_ns = now_ns + MODBUS_GAP_NS;
+	line->silent_ns = later(line->silent_ns, now_ns + gap_ns);
 }
 
 static void receive_byte(struct modbus_line *line, uint8_t byte, int64_t began_ns, int64_t now_ns)

@@ -87,6 +87,15 @@ static void on_stranger(void *context, uint32_t device, uint8_t unit, int64_t no
 	bus.stranger = unit;
 }
 
+static void on_misfit(void *context, uint32_t device, size_t length, size_t expected, int64_t now_ns)
+{
+	assert_ptr_equal(context, &bus);
+	assert_int_equal(now_ns, bus.now_ns);
+	bus.misfits[device]++;
+	bus.misfit = length;
+	bus.fit = expected;
+}
+
 static void on_turned(void *context, uint32_t device, uint8_t unknown, uint8_t function, int64_t now_ns)
 {
 	assert_ptr_equal(context, &bus);
@@ -136,7 +145,8 @@ static const struct modbus_events events = {.read = on_read,
 					    .turned = on_turned,
 					    .kept = on_kept,
 					    .passed = on_passed,
-					    .stranger = on_stranger};
+					    .stranger = on_stranger,
+					    .misfit = on_misfit};
 
 /* ---- the devices -------------------------------------------------------------------------------- */
 
@@ -285,8 +295,8 @@ static size_t spoil(struct slave *slave, uint8_t *frame, size_t length)
 		frame[1] = 0x2B;
 		return seal(frame, length - 2);
 	case WRONG_LENGTH:
-		frame[2]++;
-		return seal(frame, length - 1);
+		frame[2] += EXCESS;
+		return seal(frame, length - 2 + EXCESS);
 	case WRONG_ECHO:
 		if (!modbus_is_read(frame[1]) && !(frame[1] & MODBUS_EXCEPTION_BIT))
 			frame[5]++;
@@ -295,6 +305,12 @@ static size_t spoil(struct slave *slave, uint8_t *frame, size_t length)
 		memmove(frame + 3, frame, length);
 		frame[0] = frame[1] = frame[2] = 0xFF;
 		return length + 3;
+	case NOISE_BEHIND:
+		memset(frame + length, 0, 2);
+		return length + 2;
+	case BABBLE_BEHIND:
+		memset(frame + length, 0, 4);
+		return length + 4;
 	case STRANGER_FIRST:
 		memmove(frame + 7, frame, length);
 		memcpy(frame, (const uint8_t[]){99, 3, 2, 0, 1}, 5);

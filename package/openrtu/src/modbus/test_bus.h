@@ -26,6 +26,7 @@
 #define TRACE_MAX    4096
 #define TIMEOUT_NS   (100 * MS)
 #define REACTION_NS  (5 * MS)
+#define EXCESS       7
 
 enum fault {
 	SOUND,
@@ -34,9 +35,11 @@ enum fault {
 	TRUNCATED,  /* its last two bytes are missing */
 	WRONG_UNIT, /* the rest, CRC included, is sound */
 	WRONG_FUNCTION,
-	WRONG_LENGTH,   /* a byte more than asked for */
+	WRONG_LENGTH,   /* EXCESS bytes more than asked for: not what a probe may ask for */
 	WRONG_ECHO,     /* a write is confirmed with another value */
 	NOISE_BEFORE,   /* three bytes, then the answer */
+	NOISE_BEHIND,   /* the answer, then two zeros */
+	BABBLE_BEHIND,  /* the answer, then four */
 	STRANGER_FIRST, /* another unit's sound answer, then the right one */
 };
 
@@ -133,6 +136,8 @@ struct bus {
 	unsigned lates[DEVICES_MAX], strangers[DEVICES_MAX];
 	int64_t late_ns[DEVICES_MAX]; /* the latest */
 	uint8_t stranger;             /* the latest */
+	unsigned misfits[DEVICES_MAX];
+	size_t misfit, fit; /* octets that the latest had, and should have had */
 	unsigned commands_done;
 	uint32_t last_tag;
 	enum modbus_result last_result;

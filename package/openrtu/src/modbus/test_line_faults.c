@@ -67,6 +67,9 @@ static void test_another_lengths_answer_is_not_taken(void **state)
 	spoil_one(WRONG_LENGTH);
 	assert_int_equal(bus.line.counters.wrong_lengths, 1);
 	assert_int_equal(bus.line.counters.timeouts, 1);
+	assert_int_equal(bus.misfits[0], 1);
+	assert_int_equal(bus.fit, 16);
+	assert_int_equal(bus.misfit, 16 + EXCESS);
 }
 
 static void test_another_writes_confirmation_is_not_taken(void **state)
@@ -93,6 +96,42 @@ static void test_noise_before_an_answer_does_not_hide_it(void **state)
 	assert_int_equal(bus.line.counters.noise_bytes, 3);
 	assert_int_equal(bus.line.counters.timeouts, 0);
 	assert_in_range(bus.line.counters.answers, bus.sent_count - 1, bus.sent_count + 1);
+}
+
+static void spoil_all(enum fault fault)
+{
+	start_simple(0);
+	bus.slaves[0].fault = fault;
+	bus.slaves[0].faults = ~0u;
+	run_for(3 * SECOND);
+}
+
+/* As transceivers do that let go of the line: such a device is read as quickly as others, and so are its neighbours. */
+static void test_what_a_transceiver_adds_costs_no_time(void **state)
+{
+	size_t sound;
+
+	(void)state;
+	start_simple(0);
+	run_for(3 * SECOND);
+	sound = bus.sent_count;
+	spoil_all(NOISE_BEHIND);
+	assert_in_range(bus.sent_count, sound * 9 / 10, sound);
+	assert_in_range(bus.line.counters.noise_bytes, 2 * bus.sent_count - 2, 2 * bus.sent_count);
+	assert_int_equal(bus.line.counters.timeouts, 0);
+	for (size_t i = 1; i < bus.sent_count; i++)
+		assert_true(bus.sent[i].time_ns >= bus.sent[i - 1].time_ns + 29 * bus.line.wire.char_ns +
+						       REACTION_NS + bus.line.wire.silence_ns);
+}
+
+/* More may be another master, or a device that is at fault. */
+static void test_whatever_else_comes_behind_an_answer_has_to_cease(void **state)
+{
+	(void)state;
+	spoil_all(BABBLE_BEHIND);
+	assert_true(bus.sent_count > 10);
+	for (size_t i = 1; i < bus.sent_count; i++)
+		assert_true(bus.sent[i].time_ns >= bus.sent[i - 1].time_ns + MODBUS_GAP_NS);
 }
 
 static void test_a_strangers_frame_does_not_hide_the_answer(void **state)
@@ -259,6 +298,8 @@ int main(void)
 	    cmocka_unit_test(test_another_lengths_answer_is_not_taken),
 	    cmocka_unit_test(test_another_writes_confirmation_is_not_taken),
 	    cmocka_unit_test(test_noise_before_an_answer_does_not_hide_it),
+	    cmocka_unit_test(test_what_a_transceiver_adds_costs_no_time),
+	    cmocka_unit_test(test_whatever_else_comes_behind_an_answer_has_to_cease),
 	    cmocka_unit_test(test_a_strangers_frame_does_not_hide_the_answer),
 	    cmocka_unit_test(test_noise_between_frames_delays_the_next_request),
 	    cmocka_unit_test(test_a_frame_that_nobody_asked_for_is_counted_as_such),

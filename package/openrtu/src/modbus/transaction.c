@@ -265,6 +265,18 @@ void modbus_tell_late(struct modbus_line *line, uint32_t index, int64_t sent_ns,
 	modbus_pause_was_late(&device->pause);
 }
 
+#define DATA 3 /* of a read's answer, behind unit, function and their count */
+
+static void tell_misfit(struct modbus_line *line, const uint8_t *body, size_t length, int64_t now_ns)
+{
+	const struct modbus_request *request = &line->request;
+
+	if (body[0] == request->unit && body[1] == request->function && modbus_is_read(request->function) &&
+	    length > DATA && line->events->misfit != NULL)
+		line->events->misfit(line->context, line->device, length - DATA,
+				     modbus_read_bytes(request->function, request->count), now_ns);
+}
+
 void modbus_count_wrong_answer(struct modbus_line *line, const uint8_t *body, size_t length, int64_t now_ns)
 {
 	struct modbus_line_counters *counters = &line->counters;
@@ -279,6 +291,7 @@ void modbus_count_wrong_answer(struct modbus_line *line, const uint8_t *body, si
 	else
 		counters->wrong_answers++;
 	line->devices[line->device].counters.errors++;
+	tell_misfit(line, body, length, now_ns);
 	if (body[0] != line->request.unit && line->events->stranger != NULL &&
 	    answers_for_another(line, body, length))
 		line->events->stranger(line->context, line->device, body[0], now_ns);

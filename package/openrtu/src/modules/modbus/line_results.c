@@ -81,6 +81,7 @@ static void note_answer(struct line_results *results, uint32_t device, int64_t n
 
 	news->is_late = false;
 	news->stranger = LINE_NEWS_NOBODY;
+	news->is_misfit = false;
 	if (map_trouble_well(&news->death, now_ns))
 		say_well(results, device, map_trouble_ended(&news->death, now_ns, text));
 }
@@ -384,6 +385,21 @@ static void say_stranger(void *context, uint32_t device, uint8_t unit, int64_t n
 			results->config->port, unit);
 }
 
+static void say_misfit(void *context, uint32_t device, size_t length, size_t expected, int64_t now_ns)
+{
+	struct line_results *results = context;
+	struct line_news *news = &results->news[device];
+
+	if (news->is_misfit)
+		return;
+	news->is_misfit = true;
+	if (map_repeats_happened(&news->misfits, 1, now_ns) > 0)
+		map_log(results->map, MAP_LOG_WARNING,
+			"%s: unit %u on port %u answers with %zu octets of data, and %zu were asked for",
+			device_config(results, device)->name, slave_config(results, device)->unit,
+			results->config->port, length, expected);
+}
+
 static void take_command_answer(void *context, const struct modbus_command *command,
 				enum modbus_result result, uint8_t exception)
 {
@@ -410,4 +426,5 @@ const struct modbus_events line_results_events = {.read = publish_read,
 						  .turned = say_turned,
 						  .kept = say_kept,
 						  .passed = end_passing,
-						  .stranger = say_stranger};
+						  .stranger = say_stranger,
+						  .misfit = say_misfit};
