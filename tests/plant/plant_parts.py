@@ -171,17 +171,16 @@ def reload(map_: str, folder: Path, rtuctl: str) -> None:
         time.sleep(max(0, int(due) - time.clock_gettime_ns(time.CLOCK_MONOTONIC)) / 1e9)
         say(kind="asked", configuration=int(number))
         file = folder / "gateway.json"
-        is_another = file.read_text() != (folder / f"gateway-{number}.json").read_text()
         file.with_suffix(".new").write_text((folder / f"gateway-{number}.json").read_text())
         file.with_suffix(".new").rename(file)
         asks = [rtuctl, "--map", map_, "reload"] if way == "rtuctl" else None
-        while code := ended_with(*asks) if asks else signalled(folder, is_another):
+        while code := ended_with(*asks) if asks else signalled(folder):
             say(kind="refused", code=code)
             time.sleep(RESTART_S)
         say(kind="in force", configuration=int(number))
 
 
-def signalled(folder: Path, is_another: bool) -> int:
+def signalled(folder: Path) -> int:
     """Nobody is told but the log; 0: the configuration is in force, maybe since rtud has begun anew."""
     log, process = folder / "gateway.log", int((folder / "gateway.pid").read_text())
     begun = log.stat().st_size
@@ -190,14 +189,14 @@ def signalled(folder: Path, is_another: bool) -> int:
     for _ in range(round(IN_FORCE_S / PAUSE_S)):
         time.sleep(PAUSE_S)
         lines = log.read_bytes()[begun:].decode(errors="replace").splitlines()
-        if any(line.endswith("is in force") or "; map in " in line for line in lines):
+        if any(line.endswith(("is in force", "nothing changes")) or "; map in " in line for line in lines):
             return 0
         if any(
             line.endswith(("stays as it was", "is ignored: a configuration is being changed"))
             for line in lines
         ):
             return 1
-    return int(is_another)
+    return 1
 
 
 def ended_with(program: str, *arguments: str) -> int:
