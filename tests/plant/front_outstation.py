@@ -10,7 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from plant_excuses import AFTER_S, AGE_S, goes_with_the_gateway, overlaps
+from plant_excuses import AFTER_S, AGE_S, LOST_S, goes_with_the_gateway, overlaps
 from plant_history import CALL_WITHIN_S, CENTRE, NEXT_S, History, Told, Violation, seconds
 from plant_world import BEGIN_NS, CHANGES_FROM_S, PORT, SETTLED_S, Fault, Front, Programs, World
 
@@ -19,6 +19,7 @@ STATION_PORT = 2410
 CA, POINT = 9200, "9200.1"
 T1_S = 3.0  # in which an answer comes, or the link ends
 BACK_S = 5.0  # from the end of a trouble until the link is there again, and interrogated
+ENDS_LATER_S = {"kill": CALL_WITHIN_S, "stop": CALL_WITHIN_S, "lost": LOST_S, "power": LOST_S}
 SETTLES_S = 15.0  # it is interrogated again 10 s after the last time at the latest
 TOLD_S = 20.0  # until an event is told, where nothing keeps it
 
@@ -66,8 +67,8 @@ class Outstation(Front):
 
 
 def ends_s(fault: Fault) -> float:
-    """A kill or a stop waits for its call."""
-    return fault.end_s + (CALL_WITHIN_S if fault.kind in ("kill", "stop") else 0.0)
+    """A kill or a stop waits for its call. A connection that is lost each side has to find out."""
+    return fault.end_s + ENDS_LATER_S.get(fault.kind, 0.0)
 
 
 class Below:

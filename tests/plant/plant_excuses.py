@@ -13,6 +13,7 @@ AFTER_S = 15.0  # what is behind a fault may still be its consequence
 RAREST_S = 65.0  # the longest pause before a probe, and the probe (docs/limit.md)
 PROBED_S = 5.0  # a device that lived for long before is probed so soon after it was dead for as long again
 DOUBTED_S = 5.0  # the first pause that a device seems to need (docs/limit.md)
+LOST_S = 45.0  # until each side of a connection that is lost knows it: t3, t1, and a new one
 JOURNAL_S = 90.0  # what waits in a gateway without a journal, and is lost with rtud
 RECORDED_S = 5.0  # until an event is in the journal: it is read, waits for the next record, and is written
 READERS = ("rtud", "rtu-modbus-1")

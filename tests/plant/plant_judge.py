@@ -9,6 +9,7 @@ from collections.abc import Iterator
 
 from plant_excuses import (
     AGE_S,
+    LOST_S,
     could_be_lost,
     device_of,
     direct_times,
@@ -36,7 +37,7 @@ EXECUTED, REFUSED = 9, 8
 NOT_SENT = (6, 7, 64, 65, 66)  # docs/centre.md
 ORDER_S = 5.0  # a command takes that long where nothing fails, besides its ways
 ENDS_OF_CONNECTION = ("rtu-iec104", "rtud", CENTRE, f"{PORT}")
-ENDS_CONNECTION_S = {"kill": 15.0, "stop": 15.0, "cut": 20.0, "lost": 45.0, "power": 45.0}
+ENDS_CONNECTION_S = {"kill": 15.0, "stop": 15.0, "cut": 20.0, "lost": LOST_S, "power": LOST_S}
 
 
 def age_s(history: History, told: Told) -> float:

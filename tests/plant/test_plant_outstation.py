@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from front_outstation import POINT, PROCESS, STATION_PORT, Below, Outstation
+from front_outstation import POINT, PROCESS, SETTLES_S, STATION_PORT, Below, Outstation
 from plant_history import History
 from plant_judge import judge
 from plant_run import story
 from plant_seeds import troubled
 from plant_trials import Lines, run_world, spoiled_copy
-from plant_world import BEGIN_NS, Fault, Run, World
+from plant_world import BEGIN_NS, PORT, Fault, Run, World
 
 SECONDS = 60.0
 TROUBLED_S = 200.0
@@ -39,6 +39,18 @@ def test_what_an_outstation_kept_goes_on(cut: Run) -> None:
 def test_an_old_event_comes_behind_a_newer_one(cut: Run) -> None:
     tags = [told.tag_s for told in Below(History(cut)).told if told.good and told.tag_s is not None]
     assert tags != sorted(tags)
+
+
+def test_a_state_waits_until_the_loss_of_a_connection_is_known(
+    programs: Path, linesim_program: Path, folder: Path
+) -> None:
+    """The centre, which asks nothing, learns after t3 and t1 that it is lost: as found by seed 2035."""
+    lost = Fault(8.0, "lost", f"{PORT}")
+    ran = run_world(World(3, SECONDS, (), (lost,), fronts=(Outstation(),)), folder / "lost")
+    below = Below(History(ran))
+    connected_s = min(told.at_s for told in below.told if told.at_s > lost.at_s)
+    assert any(lost.at_s < since_s < connected_s - SETTLES_S for since_s, _ in below.held)
+    assert judge(ran) == []
 
 
 @pytest.mark.slow
