@@ -23,7 +23,7 @@ from plant_history import CENTRE, LINK_DOWN, NEXT_S, History, Told, Violation, W
 from plant_world import CHANGES_FROM_S, ORDERED, PORT, RECOVERY_S, SETTLED_S, Order, Run
 
 HELD_S = 5.0
-RETURN_S = 1.0  # from its first words until a module is told to be back
+ENDED_S = 2.0  # by then a module that was stopped is told to be back, or is ended by rtud, which is told
 SAME_S = 0.1  # rtud looks at heartbeats every 50 ms
 INVALID_S = 5.0  # from the last answer of a device until its points are told invalid
 WINDOW_S = 10
@@ -68,10 +68,12 @@ def tells_the_same(event: Told, other: Told) -> bool:
     return (event.value, event.good) == (other.value, other.good)
 
 
-def is_followed(event: Told, lost: Told, later: list[Told]) -> bool:
-    """What a module read before it was lost, and tells behind that: its return is told as well."""
+def is_followed(event: Told, lost: Told, later: list[Told], history: History) -> bool:
+    """What a module read before it was lost, and tells behind that: its return or its end is told as well."""
     return not lost.good and any(
-        (lost.tag_s or 0) < (other.tag_s or 0) and other.at_s <= event.at_s + RETURN_S for other in later
+        (lost.tag_s or 0) < (other.tag_s or 0)
+        and other.at_s - history.delay_s(other.at_s) <= event.at_s + ENDED_S
+        for other in later
     )
 
 
@@ -93,7 +95,7 @@ def events_are_in_order(history: History) -> Iterator[Violation]:
             if before and is_told_twice(event, before):
                 yield Violation("once", event.at_s, f"{point} of {event.tag_s:.3f} s")
             goes_back = (event.tag_s or 0) < (latest.tag_s or 0) and not tells_the_same(event, latest)
-            goes_back = goes_back and not is_followed(event, latest, events[place:])
+            goes_back = goes_back and not is_followed(event, latest, events[place:], history)
             before_it = [] if event.session == latest.session else events[: place - 1]
             if goes_back and not was_told(event, before_it, history.drift_s):
                 yield Violation("order", event.at_s, f"{point}: {event} after {latest}")

@@ -300,7 +300,9 @@ def test_a_configuration_is_loaded_by_a_signal(programs: Path, linesim_program: 
         Fault(27.05, "reload", "0", calls=1),
     )
     ran = run_world(World(2, SECONDS, (), faults), folder / "signalled")
-    assert [line["kind"] for line in ran.told("reload")].count("in force") == 3
+    in_force = [line["at"] / 1e9 - 1000 for line in ran.told("reload") if line["kind"] == "in force"]
+    assert len(in_force) == 3
+    assert in_force[1] < 27.0, "the second changes nothing, as the log says at once"
     assert len([line for line in ran.log("gateway") if "SIGHUP: reads the configuration" in line]) >= 2
     assert answers_between(ran, "1.3", 21.0, 24.0) == 0
     assert answers_between(ran, "1.3", 45.0, 55.0) > 15
@@ -433,6 +435,20 @@ def test_the_judge_sees(first: Run, tmp_path: Path, spoil: Callable[[Lines], Non
     spoil(lines)
     spoiled = spoiled_copy(first, tmp_path, "consumer", lines)
     assert rule in {violation.rule for violation in judge(spoiled)}
+
+
+@pytest.mark.parametrize(("ended_ms", "is_in_order"), [(1900, True), (2100, False)])
+def test_what_a_module_tells_behind_its_loss_is_followed_by_its_end(
+    first: Run, tmp_path: Path, ended_ms: int, is_in_order: bool
+) -> None:
+    """It was stopped, told what it had read before, and was stopped again: as found by seed 2049."""
+    lines = first.told("consumer")
+    event = lines[value_events(lines)[-1]]
+    for by_ms, tag_ms, quality in ((200, 200, INVALID), (1000, 100, 0), (1000 + ended_ms, 3000, INVALID)):
+        moved = {"at": event["at"] + by_ms * 10**6, "tag": event["tag"] + tag_ms * 10**6}
+        lines.append(event | moved | {"quality": quality})
+    spoiled = spoiled_copy(first, tmp_path, "consumer", lines)
+    assert ("order" not in {violation.rule for violation in judge(spoiled)}) is is_in_order
 
 
 @pytest.fixture(scope="module")
