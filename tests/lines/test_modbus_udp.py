@@ -123,10 +123,10 @@ def writes(asked: list[bytes]) -> list[bytes]:
 
 
 def test_a_command_is_sent_once(line: Line) -> None:
-    """It is executed, or lost and then not repeated."""
+    """What is told as executed was executed. If its answer comes too late, it is not repeated."""
     before = len(writes(line.device.requests)), len(writes(line.between.asked))
     done = line.master.command(CA, 40101, "C_SE_NB_1", c104.ScaledCmd(c104.Int16(7)))
-    assert len(writes(line.device.requests)) - before[0] == int(done)
+    assert int(done) <= len(writes(line.device.requests)) - before[0] <= 1
     assert len(writes(line.between.asked)) - before[1] == 1
 
 
