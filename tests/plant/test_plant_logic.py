@@ -12,11 +12,11 @@ from plant_judge import judge
 from plant_run import story
 from plant_seeds import calm, troubled
 from plant_trials import Lines, run_world, spoiled_copy
-from plant_world import Fault, Run
+from plant_world import Change, Fault, Run, World
 
 SECONDS = 60.0
 TROUBLED_S = 200.0
-DIFFERENCE = "9000.1"
+DIFFERENCE, OPPOSITE = "9000.1", "9001.1"
 INVALID = 128
 
 
@@ -33,6 +33,21 @@ def test_both_programs_tell_what_they_compute(first: Run) -> None:
             told[line["point"]].add(line["value"])
     assert len(told[DIFFERENCE]) > 4
     assert {-value for value in told[DIFFERENCE]} == told["9001.1"]
+
+
+def test_a_program_that_was_stopped_in_a_scan_computes_before_it_is_believed(
+    programs: Path, linesim_program: Path, folder: Path
+) -> None:
+    """And does not rest for as long as it was stopped: as found by seed 2380."""
+    changes = tuple(
+        Change(at_s, "1.1", "input_registers", 0, value) for at_s, value in ((12.0, 4), (22.0, 8), (25.0, 11))
+    )
+    stop = Fault(22.0, "stop", "rtu-logic-neg", 6, for_s=8.0, stores=16)
+    ran = run_world(World(3, SECONDS, changes, (stop,), fronts=(Logic(),)), folder / "stopped")
+    violations = judge(ran)
+    assert not violations, story(ran, violations)
+    values = [line["value"] for line in ran.told("consumer") if line.get("point") == OPPOSITE]
+    assert values[-1] == -11
 
 
 @pytest.mark.slow

@@ -23,6 +23,9 @@ static struct host host;
 /* What the net has been asked, and not answered yet. */
 static enum { ASKED_NOTHING, ASKED_BEGIN, ASKED_END } asked;
 
+/* The turn before was held up. */
+static bool scans_again;
+
 /* What the log has said of faults. */
 static struct {
 	uint32_t counted;
@@ -100,6 +103,12 @@ static void scan(int64_t now_ns, const struct logic_times *times)
 	map_count(&host.stats->scans.count, 1);
 }
 
+/* For longer than a scan within its budget takes: this process was stopped meanwhile. */
+static bool was_held_up(int64_t begun_ns, int64_t now_ns)
+{
+	return now_ns - begun_ns > map_heartbeat_limit_ms(host.map, map_self(host.map)) * NS_PER_MS;
+}
+
 /* Each period; a program that takes longer than half of it leaves as much to others. */
 static int64_t next_scan(int64_t due_ns, int64_t begun_ns)
 {
@@ -107,7 +116,8 @@ static int64_t next_scan(int64_t due_ns, int64_t begun_ns)
 
 	if (!host.instance->period_given && synched_waits(&host.synched))
 		return begun_ns;
-	int64_t now_ns = map_now_ns(), earliest_ns = now_ns + (now_ns - begun_ns);
+	int64_t now_ns = map_now_ns(), took_ns = was_held_up(begun_ns, now_ns) ? 0 : now_ns - begun_ns;
+	int64_t earliest_ns = now_ns + took_ns;
 	int64_t periods = 1;
 
 	if (due_ns + period_ns < earliest_ns)
@@ -169,6 +179,13 @@ static bool has_begun(int64_t now_ns, int64_t *last_ns)
 
 /* ---- the loop ---------------------------------------------------------------------------- */
 
+/* Another scan comes before the heartbeat that makes old outputs good. Once: a host may be as busy again. */
+static bool is_to_scan_again(int64_t begun_ns)
+{
+	scans_again = !scans_again && was_held_up(begun_ns, map_now_ns());
+	return scans_again;
+}
+
 static int pause_ms(int64_t due_ns)
 {
 	int64_t left_ms = (due_ns - map_now_ns() + NS_PER_MS - 1) / NS_PER_MS;
@@ -204,6 +221,10 @@ static void run(int stop)
 			last_ns = now_ns;
 			due_ns = next_scan(due_now(due_ns, now_ns), now_ns);
 			end_scan();
+		}
+		if (is_to_scan_again(now_ns)) {
+			due_ns = map_now_ns();
+			continue;
 		}
 		map_heartbeat(
 		    host.map); /* behind the scan: what it was silent for has not made old outputs good */
