@@ -57,6 +57,8 @@ class Mood:
     settle_s: float = 0.0  # does not answer so long behind a connect
     hangs_up_early: bool = False  # or hangs up then
     serial: bool = False
+    before: int = 0  # zeros that its transceiver adds to an answer,
+    behind: int = 0
 
 
 MOODS = (
@@ -71,6 +73,8 @@ MOODS = (
     Mood("RTU, needs a pause of 20 ms", pause_s=0.02, serial=True),
     Mood("RTU, needs a pause of 50 ms", pause_s=0.05, serial=True),
     Mood("RTU, needs a pause of 100 ms", pause_s=0.1, serial=True),
+    Mood("RTU, a zero before each answer", before=1, serial=True),
+    Mood("RTU, three zeros behind each answer", behind=3, serial=True),
 )
 
 
@@ -183,7 +187,7 @@ class TcpDevice(Device):
 
 
 class SerialDevice(Device):
-    """On a pseudo-terminal, whose bytes take no time: the pause alone is its mood."""
+    """On a pseudo-terminal, whose bytes take no time: its moods are the pause and what it adds."""
 
     def _begin(self) -> None:
         self.end, other = os.openpty()
@@ -209,7 +213,7 @@ class SerialDevice(Device):
                 continue
             count = int.from_bytes(request[4:6], "big")
             answer = bytes([UNIT, request[1], 2 * count]) + bytes(2 * count)
-            os.write(self.end, sealed(answer))
+            os.write(self.end, bytes(self.mood.before) + sealed(answer) + bytes(self.mood.behind))
             self._answered()
         os.close(self.end)
         os.close(self._other)
