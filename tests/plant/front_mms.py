@@ -13,7 +13,7 @@ from typing import Any
 
 from plant_excuses import AFTER_S, AGE_S, device_of, overlaps, troubled_times
 from plant_history import NEXT_S, History, Violation, seconds
-from plant_judge import lost_of
+from plant_judge import is_followed, lost_of
 from plant_libiec61850 import program
 from plant_same import Event, tell_the_same
 from plant_world import CHANGES_FROM_S, Front, Programs, World
@@ -161,15 +161,15 @@ def members_are_good(reported: Reported) -> Iterator[Violation]:
 
 
 def changes_are_in_order(reported: Reported) -> Iterator[Violation]:
-    """Within an association."""
-    latest: dict[str, Member] = {}
-    for member in reported.members:
-        before = latest.get(member.point)
-        if not member.is_change:
-            continue
-        if before and before.session == member.session and member.tag_s < before.tag_s - NEXT_S:
+    """Within an association. A return that is nothing new of one point is told of its neighbours."""
+    changes = [member for member in reported.members if member.is_change]
+    latest: dict[tuple[str, int], Member] = {}
+    for place, member in enumerate(changes, 1):
+        before = latest.get((member.point, member.session), member)
+        latest[member.point, member.session] = member
+        goes_back = member.tag_s < before.tag_s - NEXT_S
+        if goes_back and not is_followed(member, before, changes[place:], reported.history):
             yield Violation("order", member.at_s, f"{member} after {before}")
-        latest[member.point] = member
 
 
 def changes_are_changes(reported: Reported) -> Iterator[Violation]:

@@ -8,7 +8,7 @@ from bisect import bisect_right
 from collections import defaultdict
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 from plant_world import (
     BEGIN_NS,
@@ -61,6 +61,17 @@ class Write:
     def point(self) -> str:
         line, unit = self.device.split(".")
         return f"{int(line) * 1000 + int(unit)}.{ORDERED + self.address}"
+
+
+class Dated(Protocol):
+    """Of a point, however it was told."""
+
+    @property
+    def at_s(self) -> float: ...
+    @property
+    def tag_s(self) -> float | None: ...
+    @property
+    def good(self) -> bool: ...
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from plant_excuses import (
     AGE_S,
@@ -19,7 +19,7 @@ from plant_excuses import (
     overlaps,
     troubled_times,
 )
-from plant_history import CENTRE, LINK_DOWN, NEXT_S, History, Told, Violation, Write, seconds
+from plant_history import CENTRE, LINK_DOWN, NEXT_S, Dated, History, Told, Violation, Write, seconds
 from plant_world import CHANGES_FROM_S, ORDERED, PORT, RECOVERY_S, SETTLED_S, Order, Run
 
 HELD_S = 5.0
@@ -36,6 +36,7 @@ ANSWERS_LEAST = 15  # of a device that lives, in each window: two reads a second
 EXECUTED, REFUSED = 9, 8
 NOT_SENT = (6, 7, 64, 65, 66)  # docs/centre.md
 ORDER_S = 5.0  # a command takes that long where nothing fails, besides its ways
+NOTICED_S = 1.0  # the first of the hang-ups behind each answer may meet a command on its way
 ENDS_OF_CONNECTION = ("rtu-iec104", "rtud", CENTRE, f"{PORT}")
 ENDS_CONNECTION_S = {"kill": 15.0, "stop": 15.0, "cut": 20.0, "lost": LOST_S, "power": LOST_S}
 
@@ -68,7 +69,7 @@ def tells_the_same(event: Told, other: Told) -> bool:
     return (event.value, event.good) == (other.value, other.good)
 
 
-def is_followed(event: Told, lost: Told, later: list[Told], history: History) -> bool:
+def is_followed(event: Dated, lost: Dated, later: Sequence[Dated], history: History) -> bool:
     """What a module read before it was lost, and tells behind that: its return or its end is told as well."""
     return not lost.good and any(
         (lost.tag_s or 0) < (other.tag_s or 0)
@@ -266,8 +267,9 @@ def has_to_be_done(history: History, order: Order) -> bool:
     """Neither the device nor the way to it has trouble, nor had it shortly before."""
     until_s = order.at_s + ORDER_S + 4 * history.way_s
     point = f"{order.line * 1000 + order.unit}.{ORDERED}"
-    tearing = [(fault.at_s, fault.end_s) for fault in history.faults if fault.kind in ("tearing", "step")]
-    if not history.has(point, order.at_s, until_s) or overlaps(tearing, order.at_s - AGE_S, until_s):
+    torn = [(fault.at_s, fault.end_s) for fault in history.faults if fault.kind in ("tearing", "step")]
+    torn += [(fault.at_s, fault.at_s + NOTICED_S) for fault in history.faults if fault.kind == "closing"]
+    if not history.has(point, order.at_s, until_s) or overlaps(torn, order.at_s - AGE_S, until_s):
         return False
     return not is_disturbed(point, list(history.faults), order.at_s, until_s)
 

@@ -127,3 +127,19 @@ def test_the_judge_sees_of_reports(
     found = judge(spoiled_copy(first, tmp_path, CLIENT, lines))
     assert {violation.rule for violation in found} == rules
     assert all(violation.text.startswith("by IEC 61850 ") for violation in found)
+
+
+@pytest.mark.parametrize(("returned_ms", "is_in_order"), [(1500, True), (3500, False)])
+def test_what_a_module_tells_behind_its_loss_is_followed_by_its_return(
+    first: Run, tmp_path: Path, returned_ms: int, is_in_order: bool
+) -> None:
+    """It was stopped as it told a change: as found by seed 2085."""
+    lines = first.told(CLIENT)
+    last, neighbour = (lines[changes(lines)[place]] for place in (-1, -2))
+    value, quality, tag_ms = last["value"]
+    told = ((last, 200, 1, 200), (last, 1000, 0, 100), (neighbour, returned_ms, 0, 1400))
+    for line, by_ms, is_bad, later_ms in told:
+        told_of = [value, quality | is_bad, tag_ms + later_ms]
+        lines.append(line | {"at": last["at"] + by_ms * 10**6, "value": told_of})
+    spoiled = spoiled_copy(first, tmp_path, CLIENT, lines)
+    assert ("order" not in {violation.rule for violation in judge(spoiled)}) is is_in_order

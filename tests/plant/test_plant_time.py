@@ -493,6 +493,20 @@ def test_the_judge_sees_of_commands(
     assert rule in {violation.rule for violation in judge(spoiled_copy(commanded, tmp_path, part, lines))}
 
 
+@pytest.mark.parametrize(("closing_s", "may_fail"), [(0.5, True), (-5.0, False)])
+def test_a_command_may_meet_the_first_hang_up(
+    commanded: Run, tmp_path: Path, closing_s: float, may_fail: bool
+) -> None:
+    """It was on its way then, and is not repeated: as found by seed 2084."""
+    lines = commanded.told("consumer")
+    ordered = next(line for line in lines if line["kind"] == "order" and line["order"] == 3)
+    without_an_end(lines)
+    spoiled = spoiled_copy(commanded, tmp_path, "consumer", lines)
+    closing = Fault(ordered["at"] / 1e9 - 1000 + closing_s, "closing", "7", for_s=8.0)
+    found = judge(replace(spoiled, world=replace(commanded.world, faults=(closing,))))
+    assert ("command done" not in {violation.rule for violation in found}) is may_fail
+
+
 def test_the_judge_sees_a_device_that_is_asked_too_seldom(first: Run, tmp_path: Path) -> None:
     """Half as often, for a dozen seconds."""
     lines = first.told("watch")
