@@ -544,6 +544,16 @@ def test_the_judge_sees_a_log_that_is_flooded(first: Run, tmp_path: Path) -> Non
     assert [violation.text for violation in judge(spoiled)] == ["rtu-web writes 62 lines in a minute"]
 
 
+@pytest.mark.parametrize(("count", "is_flooded"), [(76, False), (77, True)])
+def test_a_reload_may_have_lines_of_its_own(
+    reloaded: Run, tmp_path: Path, count: int, is_flooded: bool
+) -> None:
+    """Two of them, of two lines with six devices: as found by seed 2054."""
+    spoiled = spoiled_copy(reloaded, tmp_path, "watch", reloaded.told("watch"))
+    (tmp_path / "gateway.log").write_text("2026-01-01T00:00:07.000Z rtu-modbus-1 info: here\n" * count)
+    assert ("log" in {violation.rule for violation in judge(spoiled)}) is is_flooded
+
+
 def test_the_judge_sees_a_silence_that_nobody_tells(first: Run, tmp_path: Path) -> None:
     spoiled = spoiled_copy(first, tmp_path, "watch", first.told("watch"))
     world = replace(first.world, faults=(Fault(20.0, "silent", "1.3", for_s=10.0),))
