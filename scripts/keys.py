@@ -189,8 +189,10 @@ def control_centre(text: str) -> str:
 
 
 def modbus(keys: Keys) -> str:
-    """Tables, formats, orders and manuals' numbers of registers, as the keys of an object take them."""
-    slave, of_object = (keys.definition(name)["properties"] for name in ("slave", "object"))
+    """Tables, an identification's objects, formats, orders and manuals' numbers, as the keys have them."""
+    slave, says, of_object = (
+        keys.definition(name)["properties"] for name in ("slave", "identification", "object")
+    )
     tables = [
         key for key, rule in slave.items() if f"{rule.get('items', {}).get('$ref', '')}s".endswith(f"/{key}")
     ]
@@ -198,6 +200,7 @@ def modbus(keys: Keys) -> str:
     assert digits and len(digits[1]) == len(tables), "a first digit for each table"
     lists = {
         "TABLES": tables,
+        "IDENTIFICATION": [key for key in says if key not in tables],
         "FORMATS": of_object["format"]["enum"],
         "WORD_ORDERS": of_object["word_order"]["enum"],
         "BYTE_ORDERS": of_object["byte_order"]["enum"],

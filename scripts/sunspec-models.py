@@ -21,6 +21,8 @@ Json = dict[str, Any]
 FOLDER = Path(__file__).resolve().parents[1] / "package/openrtu/src/templates/sunspec"
 MODELS = "sunspec2/models/json/model_"
 BEGIN = 40069  # of the model's ID, behind the common model
+MARK = ((40000, 0x5375), (40001, 0x6E53))  # "SunS"
+COMMON = 1  # of which a device has none behind the common model
 IOA_BASE = 40000
 REQUEST_MOST = 125
 GROUP_MOST, NAME_MOST = 10, 31  # letters
@@ -145,6 +147,14 @@ def dumped(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False)
 
 
+def identification(number: int) -> str:
+    """The line of a template with what tells a device that has the model there."""
+    if number == COMMON:
+        return ""
+    known = {"holding_registers": [*MARK, (BEGIN, number)]}
+    return f'      "identification": {dumped(known)},\n'
+
+
 def text_of(number: int, group: Json, source: str, model: Model) -> str:
     """One object a line, as the templates that people write."""
     rows = ",\n".join(
@@ -157,7 +167,7 @@ def text_of(number: int, group: Json, source: str, model: Model) -> str:
     return (
         f'{{\n  "about": {{\n{keys}\n  }},\n  "templates": {{\n    "sunspec-model-{number}": {{\n'
         f'      "description": "SunSpec {number}",\n      "period_ms": {PERIOD_MS},\n'
-        f'      "holding_registers": [\n{rows}\n      ]\n    }}\n  }}\n}}\n'
+        f'{identification(number)}      "holding_registers": [\n{rows}\n      ]\n    }}\n  }}\n}}\n'
     )
 
 

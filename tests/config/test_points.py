@@ -301,6 +301,11 @@ def test_included_json_that_is_none_says_where(programs: Path, tmp_path: Path) -
             {"id": 0, "holding_registers": [{"address": 0, "write_address": 1}]},
             "write_address: has no meaning for slave 0: the broadcast address is never read",
         ),
+        *(
+            ({"identification": {"input_registers": [[1, 2], known]}}, "[1]: is not a register's")
+            for known in ([1], [1, 65536], [-1, 2], [1, 2.5], [1, "x"], 5, [1] * 34)
+        ),
+        ({"identification": {"holding_registers": [[1, 2]] * 17}}, "holding_registers: has 17 elements"),
     ],
 )
 def test_slaves_of_a_template_that_are_wrong(

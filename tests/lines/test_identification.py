@@ -27,7 +27,7 @@ def configuration() -> dict[str, Any]:
     own: list[dict[str, Any]] = [
         {"id": 5, "identification": METER | {"vendor_name": "Mueller"}},
         {"id": 6, "identify": True},
-        {"id": 7},
+        {"id": 7, "identification": {"holding_registers": [[0, 0], [1, 0, 7]]}},
     ]
     slaves = [device | patience() | {"holding_registers": [{"address": 0}, {"address": 1}]} for device in own]
     return {"iec104": {}, "port": [{"value": 1, "active": 1, **pace, "slaves": slaves}]}

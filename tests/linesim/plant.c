@@ -156,6 +156,26 @@ static int load_table(struct slave *slave, enum slave_table table, json_t *objec
 	return 0;
 }
 
+/* A register that the device is known by has the first of the values that it may have. */
+static int load_known(struct slave *slave, enum slave_table table, json_t *registers, const char *path,
+		      char *error)
+{
+	size_t index;
+	json_t *known;
+
+	json_array_foreach(registers, index, known)
+	{
+		const json_int_t address = json_integer_value(json_array_get(known, 0));
+
+		if (json_array_size(known) < 2 || address < 0 || address >= SLAVE_TABLE_CELLS)
+			return fail(error, "%s.identification.%s[%zu]: is no address with values", path,
+				    slave_table_name(table), index);
+		slave->table[table].exists[address] = true;
+		slave->table[table].value[address] = (uint16_t)json_integer_value(json_array_get(known, 1));
+	}
+	return 0;
+}
+
 /* What the gateway expects, the device says. */
 static int load_identification(struct slave *slave, json_t *texts, const char *path, char *error)
 {
@@ -171,6 +191,9 @@ static int load_identification(struct slave *slave, json_t *texts, const char *p
 		if (text)
 			strcpy(slave->identification[i], text);
 	}
+	for (enum slave_table table = SLAVE_INPUT_REGISTERS; table < SLAVE_TABLES; table++)
+		if (load_known(slave, table, json_object_get(texts, slave_table_name(table)), path, error))
+			return -1;
 	return 0;
 }
 

@@ -10,6 +10,15 @@ TABLES = (
     "input_registers",
     "holding_registers",
 )
+IDENTIFICATION = (
+    "vendor_name",
+    "product_code",
+    "revision",
+    "vendor_url",
+    "product_name",
+    "model_name",
+    "application_name",
+)
 FORMATS = (
     "int16",
     "uint16",

@@ -103,6 +103,17 @@ void modbus_check_templates(struct modbus_loader *loader);
 /* Adds a device for every slave to the last line, with its entries. slaves: an array of at most MODBUS_UNIT_MAX + 1. */
 void modbus_read_slaves(struct modbus_loader *loader, const struct config_place *port, const json_t *slaves);
 
+/* ---- config_identification.c -------------------------------------------------------------- */
+
+extern const struct config_inside modbus_identification_inside;
+
+/* Adds what the last device shall say that it is, and checks which registers tell it. json: the object at this key of the slave. */
+void modbus_read_identification(struct modbus_loader *loader, const struct config_place *slave,
+				const char *key, const json_t *json);
+
+/* Whether it has an object of function 43/14, so that a device is asked. json: NULL for none. */
+bool modbus_says_objects(const json_t *json);
+
 /* ---- config_object.c --------------------------------------------------------------------- */
 
 /*
@@ -149,7 +160,7 @@ bool modbus_check_periods(struct modbus_loader *loader);
 extern const struct config_table modbus_port_table, modbus_tcp_table, modbus_inactive_table;
 extern const struct config_table modbus_pass_table;
 /* Of the devices in them. */
-extern const struct config_table modbus_slave_table, modbus_tcp_slave_table;
+extern const struct config_table modbus_slave_table, modbus_tcp_slave_table, modbus_identification_table;
 /* Of the objects in these. */
 extern const struct config_table modbus_coil_table, modbus_discrete_input_table, modbus_input_register_table,
     modbus_holding_register_table;

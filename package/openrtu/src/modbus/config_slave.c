@@ -5,7 +5,6 @@
 #include "modbus/config_part.h"
 #include "modbus/plan.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 #define DESCRIPTION_MAX 63 /* octets: as the report's program takes it */
@@ -46,21 +45,6 @@ enum {
 	SLAVE_OVERRIDES,
 	SLAVE_KEYS
 };
-/* The objects of its identification, by their numbers. */
-enum { IDENTIFICATION_KEYS = MODBUS_IDENTITY_OBJECTS };
-#define IDENTIFIED(name, says)                                                                               \
-	{name,                                                                                               \
-	 CONFIG_TEXT,                                                                                        \
-	 .page = true,                                                                                       \
-	 .low = 1,                                                                                           \
-	 .high = MODBUS_IDENTITY_TEXT,                                                                       \
-	 CONFIG_SAYS(says, .pattern = "^[ -~\\u00a0-\\u00ff]*$")},
-static const struct config_rule identification_rules[IDENTIFICATION_KEYS] = {
-    MODBUS_IDENTITY_NAMES(IDENTIFIED)};
-static const struct config_inside modbus_identification_inside = {.rules = identification_rules,
-								  .count = IDENTIFICATION_KEYS};
-CONFIG_TABLE(identification_table, .name = "identification", .rules = identification_rules,
-	     .count = IDENTIFICATION_KEYS);
 static const char *const write_functions[] = {"single", "multiple", NULL};
 static const struct config_inside modbus_overrides_inside = {
     .rules = modbus_object_rules, .count = OBJECT_KEYS, .by_name = true, .whole = true};
@@ -129,13 +113,14 @@ static const struct config_rule slave_rules[SLAVE_KEYS] = {
     [SLAVE_IDENTIFY] = {"identify", CONFIG_BOOLEAN, .page = true,
 			CONFIG_SAYS(
 			    "The device is asked what it is (function 43/14) when it answers for the "
-			    "first time and when it is back. By default only one with identification.",
+			    "first time and when it is back. By default only one with an object of it in "
+			    "identification.",
 			    .see = "configuration.md#what-a-device-is")},
-    [SLAVE_IDENTIFICATION] = {"identification", CONFIG_OBJECT, .page = true,
-			      .inside = &modbus_identification_inside,
-			      CONFIG_SAYS("What it shall say that it is. `rtuctl lines` says what differs.",
-					  .table = &identification_table,
-					  .see = "configuration.md#what-a-device-is")},
+    [SLAVE_IDENTIFICATION] =
+	{"identification", CONFIG_OBJECT, .page = true, .inside = &modbus_identification_inside,
+	 CONFIG_SAYS("What it shall say that it is, and which registers tell it from others. "
+		     "`rtuctl lines` and `openrtu scan` compare it.",
+		     .table = &modbus_identification_table, .see = "configuration.md#what-a-device-is")},
     [SLAVE_PAGE_ADDRESS] =
 	{"page_address", CONFIG_INTEGER, .low = 0, .high = MODBUS_ADDRESS_LAST,
 	 CONFIG_SAYS("Modbus address of the holding register that chooses what the device has at the "
@@ -353,7 +338,7 @@ static void take_description(char name[MAP_NAME_SIZE], const char *text)
 static bool is_asked(const struct config_value *values)
 {
 	return values[SLAVE_IDENTIFY].given ? values[SLAVE_IDENTIFY].integer != 0
-					    : values[SLAVE_IDENTIFICATION].given;
+					    : modbus_says_objects(values[SLAVE_IDENTIFICATION].json);
 }
 
 static void add_device(struct modbus_loader *loader, const struct config_place *place,
@@ -532,68 +517,6 @@ static void fill_entry(struct modbus_entry *entry, const struct config_value *va
 	entry->overrides = values[SLAVE_OVERRIDES].given ? values[SLAVE_OVERRIDES].json : NULL;
 }
 
-/* So many more. False: there is no memory. */
-static bool make_room_for_expected(struct map_config *config, size_t more)
-{
-	const uint32_t count = map_record_count(config, MODBUS_EXPECTED);
-	struct modbus_expected *before = map_records(config, MODBUS_EXPECTED, sizeof(*before));
-	struct modbus_expected *records = reallocarray(before, count + more, sizeof(*records));
-
-	if (records == NULL)
-		return false;
-	if (before == NULL)
-		map_add_section(config, MODBUS_EXPECTED, sizeof(*records), 0, records);
-	else
-		map_move_section(config, MODBUS_EXPECTED, records);
-	return true;
-}
-
-/* UTF-8 of what Latin-1 has, as Latin-1. False: it has others. */
-static bool as_latin(const char *text, char out[MODBUS_IDENTITY_TEXT + 1])
-{
-	size_t length = 0;
-
-	for (const uint8_t *at = (const uint8_t *)text; *at != '\0'; at++) {
-		uint8_t octet = *at;
-
-		if (octet >= 0x80 && (octet & ~1u) != 0xC2)
-			return false;
-		if (octet >= 0x80)
-			octet = (uint8_t)((octet & 3u) << 6 | (*++at & 0x3Fu));
-		if (length == MODBUS_IDENTITY_TEXT)
-			return false;
-		out[length++] = (char)octet;
-	}
-	out[length] = '\0';
-	return true;
-}
-
-static void read_identification(struct modbus_loader *loader, const struct config_place *slave,
-				const struct config_value *values)
-{
-	const struct config_place here = config_key_of(slave, slave_rules[SLAVE_IDENTIFICATION].name);
-	struct config_value texts[IDENTIFICATION_KEYS];
-
-	config_read_keys(loader->report, &here, values[SLAVE_IDENTIFICATION].json, identification_rules,
-			 IDENTIFICATION_KEYS, texts);
-	if (!make_room_for_expected(loader->config, IDENTIFICATION_KEYS)) {
-		config_out_of_memory(loader->report);
-		return;
-	}
-	for (uint8_t i = 0; i < IDENTIFICATION_KEYS; i++) {
-		const struct config_place key = config_key_of(&here, identification_rules[i].name);
-		struct modbus_expected *expected;
-
-		if (!texts[i].given)
-			continue;
-		expected = map_next_record(loader->config, MODBUS_EXPECTED);
-		*expected = (struct modbus_expected){.slave = loader->config->set_count - 1, .object = i};
-		if (!as_latin(texts[i].text, expected->text))
-			config_error(loader->report, &key,
-				     "has characters that no device sends, expected Latin-1");
-	}
-}
-
 static void read_slave(struct modbus_loader *loader, const struct config_place *place, const json_t *json,
 		       struct modbus_entry entry, size_t slave_of[UNIT_ITSELF + 1])
 {
@@ -630,7 +553,8 @@ static void read_slave(struct modbus_loader *loader, const struct config_place *
 	check_spans(loader, set);
 	check_pages(loader, place, set);
 	if (values[SLAVE_IDENTIFICATION].given)
-		read_identification(loader, place, values);
+		modbus_read_identification(loader, place, slave_rules[SLAVE_IDENTIFICATION].name,
+					   values[SLAVE_IDENTIFICATION].json);
 }
 
 void modbus_read_slaves(struct modbus_loader *loader, const struct config_place *port, const json_t *slaves)
