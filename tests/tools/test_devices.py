@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from openrtu_tools import devices
 from openrtu_tools.cli import main
 from rig.configuration import check_document
 
@@ -78,6 +79,16 @@ def test_the_gateway_takes_a_device_of_several_models(
         programs, tmp_path, {"templates": made["templates"], "port": [line | {"slaves": [slave]}]}
     )
     assert (checked.returncode, checked.stderr) == (0, "")
+
+
+def test_no_two_devices_are_known_by_the_same() -> None:
+    """But SunSpec's models, of which some have a shorter template too."""
+    known = [
+        json.dumps(device.template["identification"])
+        for device in devices.read(devices.folder())
+        if "identification" in device.template and not device.name.startswith("sunspec-model-")
+    ]
+    assert len(known) == len(set(known)) > 9
 
 
 @pytest.mark.parametrize("text", [None, "[]", '{"templates": []}'])

@@ -19,17 +19,21 @@ import pytest
 from pymodbus import ModbusDeviceIdentification
 
 from lab.gateway import free_port, remove, run_directory
+from lab.linesim import LineSim
 from nuc980.errors import UnusableInput
+from openrtu_tools import devices
 from openrtu_tools.cli import main
 from openrtu_tools.modbus import frames, scan
 from peers.device import BAUD_RATE, UNIT
 from peers.libmodbus_device import LibmodbusDevice
 from peers.line import line
 from peers.pymodbus_device import PymodbusAsciiDevice, PymodbusDevice
+from rig.configuration import check_document
 
 PATIENCE_S = 30
 TIMEOUT_S = 2.0  # of a device that answers, on a busy host
 SHORT_S = 0.2  # where nobody answers
+FUNCTION_AT = 7  # of a frame on TCP
 IDENTIFY = b"\x2b"
 READS = {1, 2, 3, 4, 43}
 Scanned = tuple[int, dict[str, Any], str]
@@ -142,7 +146,7 @@ def test_a_device_of_an_ascii_line_is_found_and_says_who_it_is(
     slave = {"id": UNIT, "description": "pymodbus peer"}
     assert found == {"port": [{"value": 7, "active": 1, **of_line, "framing": "ascii", "slaves": [slave]}]}
     assert f"{ours}, {BAUD_RATE} bit/s 7E1 ASCII, unit {UNIT}: knows functions 1, 2, 3, 4; " in said
-    assert said.endswith("; pymodbus, peer, 1.0\n")
+    assert "; pymodbus, peer, 1.0; " in said
     assert {request[0] for request in device.requests} == READS
 
 
@@ -165,7 +169,7 @@ def test_a_device_on_tcp_says_who_it_is(scanned: Callable[..., Scanned]) -> None
     assert code == 0
     assert "3 addresses, 1 unit each" in said
     assert f"127.0.0.1 port {device.place}, unit {UNIT}: knows functions 1, 2, 3, 4; " in said
-    assert "; Acme, P-7, 1.2\n" in said
+    assert "; Acme, P-7, 1.2; fits no template" in said
     (port,) = found["port"]
     assert port == {
         "value": 7, "active": 1, "host": "127.0.0.1", "tcp_port": device.place,
@@ -201,11 +205,12 @@ def serving(answer: Callable[[bytes], bytes | None]) -> Iterator[int]:
 
 
 def answer_to(request: bytes, unit: int) -> bytes:
-    """A register or a bit that is 0; identification is unknown."""
+    """Registers or a bit that are 0; identification is unknown."""
     function = request[1]
     if function == 43:
         return bytes([unit, 0xAB, 1])
-    return bytes([unit, function, 2, 0, 0] if function in (3, 4) else [unit, function, 1, 0])
+    size = 2 * request[5] if function in (3, 4) else 1
+    return bytes([unit, function, size]) + bytes(size)
 
 
 def units_of(found: dict[str, Any]) -> list[int]:
@@ -277,6 +282,104 @@ def test_nobody_is_there(ends: tuple[Path, Path], scanned: Callable[..., Scanned
     assert (code, found) == (1, {})
     assert [request[:2] for request in nobody.requests] == [bytes([unit, 3]) for unit in (1, 2, 3)] * 2
     assert said.endswith("nothing answered\n")
+
+
+# ---- which template fits ----------------------------------------------------------------------------
+
+
+KNOWN_BY_REGISTERS = ["abb-b23", "datakom-d500", "deif-agc150", "dse-gencomm", "em24-e1", "victron-evcs"]
+TEMPLATES = {template.name: template for template in devices.read(devices.folder())}
+COIL = {"coils": [{"address": 0}]}
+ACME = {"vendor_name": "Acme", "product_code": "P-7"}
+
+
+@contextlib.contextmanager
+def simulated(program: Path, folder: Path, slaves: list[dict[str, Any]]) -> Iterator[int]:
+    """Devices behind one address, units from 1 on; its port."""
+    port = free_port()
+    own = [slave | {"id": unit} for unit, slave in enumerate(slaves, 1)]
+    line = {"value": 7, "active": 1, "host": "127.0.0.1", "tcp_port": port, "slaves": own}
+    (folder / "devices.json").write_text(json.dumps({"port": [line]}))
+    with LineSim(folder / "devices.json", None, folder / "lines", serves_tcp=True, program=program) as lines:
+        yield port
+        asked = {frame.bytes[FUNCTION_AT] for frame in lines.frames(0) if frame.kind == "received"}
+        assert asked <= READS
+
+
+def test_the_template_that_fits_is_named_and_used(
+    linesim_program: Path, programs: Path, scanned: Callable[..., Scanned], tmp_path: Path
+) -> None:
+    slaves = [TEMPLATES[name].template for name in KNOWN_BY_REGISTERS]
+    with simulated(linesim_program, tmp_path, [*slaves, COIL]) as port:
+        code, found, said = scanned(f"127.0.0.1:{port}", "-u", f"1-{len(slaves) + 1}", "--function", "1")
+    lines = [line.rpartition("; ")[2] for line in said.splitlines() if ", unit " in line]
+    assert lines == [
+        *(f"fits {name}" for name in KNOWN_BY_REGISTERS), "fits no template that says how its device is known"
+    ]  # fmt: skip
+    used = [slave.get("template") for slave in found["port"][0]["slaves"]]
+    assert (code, used) == (0, [*KNOWN_BY_REGISTERS, None])
+    assert found["include"] == sorted(str(TEMPLATES[name].file) for name in KNOWN_BY_REGISTERS)
+    found["port"][0]["slaves"].pop()  # which has no objects yet
+    checked = check_document(programs, tmp_path, found)
+    assert checked.returncode == 0, checked.stderr
+
+
+def test_models_of_sunspec_are_named_where_they_are(
+    linesim_program: Path, scanned: Callable[..., Scanned], tmp_path: Path
+) -> None:
+    def sunspec(*heads: tuple[int, int]) -> dict[str, Any]:
+        """A device of models with these numbers and lengths."""
+        known, address = [[40000, 0x5375], [40001, 0x6E53]], 40002
+        for number, length in [*heads, (0xFFFF, 0)]:
+            known += [[address, number], [address + 1, length]]
+            address += 2 + length
+        return COIL | {"identification": {"holding_registers": known}}
+
+    usual, padded = sunspec((1, 65), (103, 50)), sunspec((1, 66), (103, 50), (64999, 4))
+    with simulated(linesim_program, tmp_path, [usual, padded]) as port:
+        code, found, said = scanned(f"127.0.0.1:{port}", "-u", "1-2", "--function", "1")
+    first, second = (line for line in said.splitlines() if ", unit " in line)
+    assert first.endswith("--sunspec 1@40002 103@40069; fits sunspec-model-103, sunspec-103")
+    assert "--sunspec 1@40002 103@40070; fits no template" in second  # another maker's model has none
+    assert (code, "include" in found) == (0, False)  # the user chooses among two
+
+
+def test_a_folder_of_ones_own_is_compared_by_identification(
+    linesim_program: Path, scanned: Callable[..., Scanned], tmp_path: Path
+) -> None:
+    templates = {"m1": COIL | {"identification": ACME | {"product_code": "P-8"}}}
+    templates["m2"] = COIL | {"identification": ACME}
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own/m.json").write_text(json.dumps({"templates": templates}))
+    slaves = [templates["m2"], COIL | {"identification": ACME | {"vendor_name": "Other"}}]
+    with simulated(linesim_program, tmp_path, slaves) as port:
+        words = (f"127.0.0.1:{port}", "-u", "1-2", "--function", "1", "--folder", tmp_path / "own")
+        code, found, said = scanned(*words)
+    assert code == 0
+    assert "unit 1: " in said and "; Acme, P-7; fits m2\n" in said
+    assert "; Other, P-7; fits no template" in said
+    assert [slave.get("template") for slave in found["port"][0]["slaves"]] == ["m2", None]
+
+
+def test_a_device_that_hangs_up_at_a_register_is_found(scanned: Callable[..., Scanned]) -> None:
+    def answer(request: bytes) -> bytes | None:
+        return None if request[2:4] != bytes(2) and request[1] == 3 else answer_to(request, request[0])
+
+    with serving(answer) as port:
+        code, found, _ = scanned(f"127.0.0.1:{port}", "-u", "1-2")
+    assert (code, units_of(found)) == (0, [1, 2])
+
+
+def test_without_templates_it_says_so(
+    scanned: Callable[..., Scanned], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(devices, "in_clone", lambda: False)
+    monkeypatch.setattr(devices, "INSTALLED", [])
+    with serving(lambda request: answer_to(request, request[0])) as port:
+        code, _, said = scanned(f"127.0.0.1:{port}", "-u", "1")
+    assert code == 0
+    assert "looks for no template that fits: the templates come with the gateway" in said
+    assert "fits" not in said.splitlines()[-1]
 
 
 # ---- a line that others use ------------------------------------------------------------------------

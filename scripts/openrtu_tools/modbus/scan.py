@@ -16,9 +16,12 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 from nuc980.errors import UnusableInput
+from openrtu_tools import devices
+from openrtu_tools.devices import Device as Template
 from openrtu_tools.modbus import arguments, frames
 from openrtu_tools.modbus.ascii_text import AsciiStream
 from openrtu_tools.modbus.errors import (
@@ -33,6 +36,7 @@ from openrtu_tools.modbus.errors import (
     PortUnusable,
     Unreachable,
 )
+from openrtu_tools.modbus.fitting import Registers, fitting, sunspec_models
 from openrtu_tools.modbus.links import (
     Link,
     RtuLink,
@@ -65,7 +69,9 @@ class Device:
 
     unit: int
     functions: dict[int, int] = field(default_factory=dict)  # that it knows, of 1 to 4: 0, or its exception
-    identification: list[str] = field(default_factory=list)  # maker, product, version
+    says: dict[int, str] = field(default_factory=dict)  # of its identification: maker, product, version
+    fits: list[Template] | None = None  # None: it was compared with none
+    models: list[str] = field(default_factory=list)  # of SunSpec, each with its address
     late: bool = False
 
     def text(self) -> str:
@@ -73,13 +79,31 @@ class Device:
         if self.functions and all(self.functions.values()):
             codes = ", ".join(map(str, sorted(set(self.functions.values()))))
             parts.append(f"refuses address 0 of each (exception {codes}), as some servers do of any unit")
-        parts += [", ".join(self.identification)] if self.identification else []
+        parts += [", ".join(self.identification())] if self.says else []
+        parts += self._fitting()
         parts += ["answers late: look at it again with a longer --timeout"] if self.late else []
         return f"unit {self.unit}: {'; '.join(parts) or 'answers'}"
 
-    def slave(self) -> dict[str, Any]:
-        name = " ".join(self.identification[:2]).encode()[:DESCRIPTION_MOST].decode(errors="ignore").strip()
-        return {"id": self.unit} | ({"description": name} if name else {})
+    def identification(self) -> list[str]:
+        return [self.says[number] for number in sorted(self.says) if self.says[number]]
+
+    def _fitting(self) -> Iterator[str]:
+        if self.models:
+            yield f"has SunSpec models: openrtu devices --sunspec {' '.join(self.models)}"
+        if self.fits:
+            yield f"fits {', '.join(template.name for template in self.fits)}"
+        elif self.fits is not None:
+            yield "fits no template that says how its device is known"
+
+    def template(self) -> Template | None:
+        """The one that fits, where no other does."""
+        return self.fits[0] if self.fits and len(self.fits) == 1 else None
+
+    def slave(self, line: int) -> dict[str, Any]:
+        name = " ".join(self.identification()[:2]).encode()[:DESCRIPTION_MOST].decode(errors="ignore").strip()
+        template = self.template()
+        own = {"template": template.name, "name_prefix": f"p{line}.{self.unit}/"} if template else {}
+        return {"id": self.unit} | ({"description": name} if name else {}) | own
 
 
 @dataclass
@@ -193,6 +217,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help=f"seconds that an answer may take [{TIMEOUT_S:g}]",
     )
+    parser.add_argument(
+        "--folder", type=Path, help="where the templates are that may fit [those of this OpenRTU]"
+    )
 
 
 @dataclass
@@ -207,6 +234,7 @@ class Plan:
     timeout_s: float
     ascii: bool = False
     udp: bool = False
+    templates: list[Template] = field(default_factory=list)
 
     def longest_s(self) -> float:
         """If nobody answers."""
@@ -254,6 +282,7 @@ def plan_of(parsed: argparse.Namespace) -> Plan:
         parsed.timeout,
         parsed.ascii,
         parsed.udp,
+        templates_of(parsed.folder),
     )
 
 
@@ -370,7 +399,19 @@ class Scan:
                 raise
             say(f"\r{name}: {error.what}; {error.cause}")
             return
-        self._add(place, name, looked_at(link, unit))
+        self._look(link, place, name, unit)
+
+    def _look(self, link: Link, place: Found, name: str, unit: int) -> None:
+        device = looked_at(link, unit)
+        registers = Registers(link, unit, list(device.functions))
+        try:
+            if self.plan.templates:
+                device.fits = fitting(self.plan.templates, device.says, registers)
+                device.models = known_models(self.plan.templates, registers)
+        finally:  # it is there, whatever these reads did to the line
+            if registers.silent and isinstance(link, ScanLink):
+                link.silent.append(unit)
+            self._add(place, name, device)
 
     def _another(self, link: Link, error: NotAsked, place: Found, name: str, unit: int) -> None:
         """Somebody else answered: one that was asked before, and is slow; on TCP, one with its own unit."""
@@ -381,7 +422,7 @@ class Scan:
             link.late.append(other)
             self._unit(link, place, name, unit)
         elif other is not None and all(device.unit != other for device in place.devices):
-            self._add(place, name, looked_at(link, other))
+            self._look(link, place, name, other)
 
     def _late(self, link: ScanLink, place: Found, name: str) -> None:
         while link.late:
@@ -414,7 +455,13 @@ def _refusal(link: Link, unit: int, table: str) -> int | None:
     return 0
 
 
-def _identification(link: Link, unit: int) -> list[str]:
+def known_models(templates: Sequence[Template], registers: Registers) -> list[str]:
+    """As `openrtu devices --sunspec` takes them."""
+    known = {template.about.get("model") for template in templates}
+    return [f"{model}@{address}" for model, address in sunspec_models(registers) if model in known]
+
+
+def _identification(link: Link, unit: int) -> dict[int, str]:
     """Few devices have one: what is wrong with it is no matter."""
     texts: dict[int, str] = {}
     first = 0
@@ -425,15 +472,28 @@ def _identification(link: Link, unit: int) -> list[str]:
             if pdu[frames.MORE_AT] != frames.MORE_FOLLOWS or pdu[frames.MORE_AT + 1] <= first:
                 break
             first = pdu[frames.MORE_AT + 1]
-    return [texts[number] for number in sorted(texts) if texts[number]]
+    return texts
 
 
 def configuration(found: Sequence[Found]) -> dict[str, Any]:
     ports = []
     for number, place in enumerate(found, FIRST_PORT):
-        slaves = [device.slave() for device in sorted(place.devices, key=lambda device: device.unit)]
+        slaves = [device.slave(number) for device in sorted(place.devices, key=lambda device: device.unit)]
         ports.append({"value": number, "active": 1, **place.keys, "slaves": slaves})
-    return {"port": ports}
+    templates = [device.template() for place in found for device in place.devices]
+    files = sorted({str(template.file) for template in templates if template})
+    return ({"include": files} if files else {}) | {"port": ports}
+
+
+def templates_of(folder: Path | None) -> list[Template]:
+    """What devices are compared with: none where the gateway is not installed. Raises UnusableInput."""
+    if folder:
+        return devices.read(folder)
+    try:
+        return devices.read(devices.folder())
+    except UnusableInput as error:
+        say(f"openrtu scan: looks for no template that fits: {error}")
+        return []
 
 
 def run(parsed: argparse.Namespace) -> int:
