@@ -18,6 +18,7 @@ JOURNAL_S = 90.0  # what waits in a gateway without a journal, and is lost with 
 RECORDED_S = 5.0  # until an event is in the journal: it is read, waits for the next record, and is written
 READERS = ("rtud", "rtu-modbus-1")
 DISK = ("full", "refuses", "worn")
+LOST = ("lost", "power")  # in silence
 BEGINS_ANEW = ("kill", "stop", "hung", "cut", "lost")  # a process, or a connection
 
 
@@ -123,7 +124,8 @@ def is_disturbed(point: str, others: list[Fault], from_s: float, to_s: float) ->
     if overlaps(troubled_times(device, tuple(others)), from_s, to_s):
         return True
     on_its_way = [other for other in others if other.of in ("rtu-iec104", CENTRE, f"{PORT}")]
-    return overlaps([(other.at_s, other.end_s + AFTER_S) for other in on_its_way], from_s, to_s)
+    times = [(other.at_s, other.end_s + (LOST_S if other.kind in LOST else AFTER_S)) for other in on_its_way]
+    return overlaps(times, from_s, to_s)
 
 
 def is_no_alarm(history: History, event: Told) -> bool:

@@ -22,7 +22,7 @@ from plant_judge import judge
 from plant_run import shrunk, story
 from plant_seeds import FAR_LINES, calm, far, restless, troubled
 from plant_trials import Lines, busy_processes, run_alone, run_script, run_world, spoiled_copy
-from plant_world import BUILD, Change, Fault, Run, World
+from plant_world import BUILD, PORT, Change, Fault, Run, World
 
 SECONDS = 60.0
 TROUBLED_S = 300.0
@@ -493,17 +493,25 @@ def test_the_judge_sees_of_commands(
     assert rule in {violation.rule for violation in judge(spoiled_copy(commanded, tmp_path, part, lines))}
 
 
-@pytest.mark.parametrize(("closing_s", "may_fail"), [(0.5, True), (-5.0, False)])
-def test_a_command_may_meet_the_first_hang_up(
-    commanded: Run, tmp_path: Path, closing_s: float, may_fail: bool
+@pytest.mark.parametrize(
+    ("kind", "of", "by_s", "may_fail"),
+    [
+        ("closing", "7", 0.5, True),
+        ("closing", "7", -5.0, False),
+        ("lost", f"{PORT}", -40.0, True),
+        ("lost", f"{PORT}", -46.0, False),
+    ],
+)
+def test_a_command_may_meet_what_nobody_knows_yet(
+    commanded: Run, tmp_path: Path, kind: str, of: str, by_s: float, may_fail: bool
 ) -> None:
-    """It was on its way then, and is not repeated: as found by seed 2084."""
+    """The first hang-up behind an answer, or a lost connection: as found by the seeds 2084 and 2342."""
     lines = commanded.told("consumer")
     ordered = next(line for line in lines if line["kind"] == "order" and line["order"] == 3)
     without_an_end(lines)
     spoiled = spoiled_copy(commanded, tmp_path, "consumer", lines)
-    closing = Fault(ordered["at"] / 1e9 - 1000 + closing_s, "closing", "7", for_s=8.0)
-    found = judge(replace(spoiled, world=replace(commanded.world, faults=(closing,))))
+    unknown = Fault(ordered["at"] / 1e9 - 1000 + by_s, kind, of)
+    found = judge(replace(spoiled, world=replace(commanded.world, faults=(unknown,))))
     assert ("command done" not in {violation.rule for violation in found}) is may_fail
 
 
