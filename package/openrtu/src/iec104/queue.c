@@ -293,6 +293,7 @@ static void continue_queue(struct iec104_station *station, struct iec104_connect
 		iec104_begin_refresh(station, connection);
 	memset(connection->told, 0, sizeof(connection->told));
 	memset(connection->module_ns, 0, sizeof(connection->module_ns));
+	memset(connection->told_ns, 0, sizeof(connection->told_ns));
 	for (map_modules left = place.refresh_modules; left != 0; left &= left - 1)
 		iec104_begin_return(station, connection, (uint32_t)__builtin_ctzll(left), station->now_ns);
 	connection->overtaken = 0;

@@ -1,6 +1,16 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Events, in their order. */
 #include "iec104/station_parts.h"
+#include "map/time_ns.h"
+
+/* rtud may be stopped between noticing it and telling it: what the module told meanwhile is later. */
+static int64_t lost_ns(const struct iec104_station *station, const struct iec104_connection *connection,
+		       const struct map_event *event)
+{
+	const int64_t told_ns = earlier(connection->told_ns[event->point], station->now_ns);
+
+	return later(event->sample.time_ns, told_ns);
+}
 
 /* What an event of a whole module means: further ASDUs, or nothing. */
 static void take_module_event(const struct iec104_station *station, struct iec104_connection *connection,
@@ -11,7 +21,7 @@ static void take_module_event(const struct iec104_station *station, struct iec10
 		connection->refresh_modules &= ~map_module_bit(event->point);
 		connection->silent_modules &= ~map_module_bit(event->point); /* its return is told */
 		connection->before_down = *before;
-		iec104_begin_invalid(station, connection, event->point, event->sample.time_ns);
+		iec104_begin_invalid(station, connection, event->point, lost_ns(station, connection, event));
 		break;
 	case MAP_EVENT_MODULE_UP:
 		if (!(connection->returned_modules & map_module_bit(event->point)))
@@ -60,8 +70,11 @@ static bool add_change(const struct iec104_station *station, struct iec104_conne
 		       struct iec104_builder *builder, const struct map_event *event,
 		       const struct map_sample *samples)
 {
+	int64_t *told_ns = &connection->told_ns[map_owner(station->map, event->point)];
+
 	if (!iec104_add_event(station, builder, event, samples))
 		return false;
+	*told_ns = later(*told_ns, event->sample.time_ns);
 	if (is_news(station, connection, event))
 		iec104_note_told(connection, event->point);
 	return true;

@@ -140,6 +140,7 @@ struct iec104_connection {
 	map_modules returned_modules; /* of these, those that are back, until rtud's event tells it */
 	/* When each was lost or back: its points are as of then or later. */
 	int64_t module_ns[MAP_MODULES_MAX];
+	int64_t told_ns[MAP_MODULES_MAX]; /* the latest of what the module's events told */
 	/* A bit for each point: an event told it since its module was lost; while down: tells it, once that is sent. */
 	uint32_t told[IEC104_TOLD_POINTS / 32];
 

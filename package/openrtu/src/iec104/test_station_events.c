@@ -168,6 +168,22 @@ static void test_module_down_and_up_are_told_late(void **state)
 	expect_nothing(0);
 }
 
+/* rtud noticed it, and was stopped before it told it: the module was back meanwhile. */
+static void test_module_down_is_told_behind_what_came_later(void **state)
+{
+	const struct map_sample lost = {.time_ns = now};
+
+	(void)state;
+	now += 100 * MS;
+	publish(DOUBLE1, 2);
+	run();
+	EXPECT(0, M_DP_TB, 1, SPONTANEOUS, 0, CA_4001, IOA(1), 2, TIME_OF_RETURN);
+	put_event(MAP_EVENT_MODULE_DOWN, 2, lost);
+	run();
+	EXPECT(0, M_DP_TB, 2, SPONTANEOUS, 0, CA_4001, IOA(1), 0x82, TIME_OF_RETURN, 3, 0, 0, 0x81,
+	       TIME_OF_RETURN);
+}
+
 /* What was sent as invalid meanwhile is sent again. */
 static void test_heartbeat_is_missing_for_a_moment(void **state)
 {
@@ -342,6 +358,7 @@ int main(void)
 	    TEST(test_read_value_is_not_followed_by_an_older_event),
 	    TEST(test_module_down_and_up),
 	    TEST(test_module_down_and_up_are_told_late),
+	    TEST(test_module_down_is_told_behind_what_came_later),
 	    TEST(test_heartbeat_is_missing_for_a_moment),
 	    TEST(test_return_is_told_once),
 	    TEST(test_what_comes_late_from_before_a_loss_is_no_return),
