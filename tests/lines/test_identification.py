@@ -83,3 +83,5 @@ def test_what_differs_is_said(running: Substation) -> None:
         "two objects differ",
     )
     assert "vendor_name, product_code" in running.gateway.ctl("lines")
+    said = "unit 5 on port 1 is not what its identification says: vendor_name, product_code differ"
+    running.gateway.wait_for(lambda: running.gateway.log(200).count(said) == 1, WAIT_S, "the log says it")

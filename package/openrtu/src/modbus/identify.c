@@ -73,4 +73,6 @@ void modbus_identify_answered(struct modbus_line *line, const uint8_t *body, boo
 		modbus_identity_refused(identity, body[2]);
 	else
 		modbus_identity_answered(identity, body);
+	if (identity->state == MODBUS_IDENTITY_KNOWN && line->events->identified != NULL)
+		line->events->identified(line->context, line->device);
 }

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "modbus/identity.h"
 
+#include <string.h>
+
 #include "modbus/plan.h"
 
 /* Read device ID codes of streams. */
@@ -123,4 +125,13 @@ void modbus_identity_text(const uint8_t *texts, size_t size, uint8_t object, cha
 		}
 		at += MODBUS_OBJECT_HEAD + texts[at + 1];
 	}
+}
+
+bool modbus_identity_is(const uint8_t *texts, size_t size, uint8_t object, const char *latin)
+{
+	char is[MODBUS_IDENTITY_WORDS], shall[MODBUS_IDENTITY_WORDS];
+
+	modbus_identity_text(texts, size, object, is);
+	put_text((const uint8_t *)latin, strnlen(latin, MODBUS_IDENTITY_TEXT), shall);
+	return strcmp(is, shall) == 0;
 }

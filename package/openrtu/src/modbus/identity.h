@@ -59,5 +59,7 @@ void modbus_identity_unanswered(struct modbus_identity *identity);
 #define MODBUS_IDENTITY_WORDS (2 * MODBUS_IDENTITY_TEXT + 1)
 extern const char *const modbus_identity_names[MODBUS_IDENTITY_OBJECTS];
 void modbus_identity_text(const uint8_t *texts, size_t size, uint8_t object, char out[MODBUS_IDENTITY_WORDS]);
+/* Whether it is this one, in Latin-1; empty: there is none. */
+bool modbus_identity_is(const uint8_t *texts, size_t size, uint8_t object, const char *latin);
 
 #endif

@@ -280,6 +280,8 @@ struct modbus_events {
 		       const uint8_t *body, size_t length, int64_t now_ns);
 	/* What was asked of the device, another unit answers. */
 	void (*stranger)(void *context, uint32_t device, uint8_t unit, int64_t now_ns);
+	/* The device has said what it is: its identity is known, again or for the first time. Left out: nobody wants to know. */
+	void (*identified)(void *context, uint32_t device);
 	/* The device answers a read with so many octets of data, which should be so many. */
 	void (*misfit)(void *context, uint32_t device, size_t length, size_t expected, int64_t now_ns);
 };

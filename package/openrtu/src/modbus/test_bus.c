@@ -87,6 +87,12 @@ static void on_stranger(void *context, uint32_t device, uint8_t unit, int64_t no
 	bus.stranger = unit;
 }
 
+static void on_identified(void *context, uint32_t device)
+{
+	assert_ptr_equal(context, &bus);
+	bus.identified[device]++;
+}
+
 static void on_misfit(void *context, uint32_t device, size_t length, size_t expected, int64_t now_ns)
 {
 	assert_ptr_equal(context, &bus);
@@ -146,6 +152,7 @@ static const struct modbus_events events = {.read = on_read,
 					    .kept = on_kept,
 					    .passed = on_passed,
 					    .stranger = on_stranger,
+					    .identified = on_identified,
 					    .misfit = on_misfit};
 
 /* ---- the devices -------------------------------------------------------------------------------- */

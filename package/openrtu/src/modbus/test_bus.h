@@ -133,7 +133,7 @@ struct bus {
 	int64_t pause_ns[DEVICES_MAX];
 	unsigned turns; /* of functions */
 	unsigned kept_news[DEVICES_MAX];
-	unsigned lates[DEVICES_MAX], strangers[DEVICES_MAX];
+	unsigned lates[DEVICES_MAX], identified[DEVICES_MAX], strangers[DEVICES_MAX];
 	int64_t late_ns[DEVICES_MAX]; /* the latest */
 	uint8_t stranger;             /* the latest */
 	unsigned misfits[DEVICES_MAX];

@@ -175,6 +175,18 @@ static void test_a_refusal_of_the_regular_ones_asks_for_the_basic_ones(void **st
 	assert_int_equal(identity.state, MODBUS_IDENTITY_REFUSED);
 }
 
+static void test_a_text_is_one_or_another(void **state)
+{
+	(void)state;
+	begin();
+	answer(false, 0, 2, (const uint8_t[]){0, 1}, (const char *const[]){"M\xfcller", "M1"});
+	assert_true(modbus_identity_is(identity.texts, identity.size, 0, "M\xfcller"));
+	assert_false(modbus_identity_is(identity.texts, identity.size, 0, "Muller"));
+	assert_false(modbus_identity_is(identity.texts, identity.size, 1, "M"));
+	assert_true(modbus_identity_is(identity.texts, identity.size, 2, ""));
+	assert_false(modbus_identity_is(identity.texts, identity.size, 2, "M1"));
+}
+
 static void test_silence_is_left_alone(void **state)
 {
 	(void)state;
@@ -200,6 +212,7 @@ int main(void)
 	    cmocka_unit_test(test_any_texts_are_read_within_their_room),
 	    cmocka_unit_test(test_what_was_said_before_it_was_away_is_not_said_by_who_refuses),
 	    cmocka_unit_test(test_a_refusal_of_the_regular_ones_asks_for_the_basic_ones),
+	    cmocka_unit_test(test_a_text_is_one_or_another),
 	    cmocka_unit_test(test_silence_is_left_alone),
 	};
 	return cmocka_run_group_tests_name("modbus identity", tests, NULL, NULL);

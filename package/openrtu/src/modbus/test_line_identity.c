@@ -48,9 +48,11 @@ static void test_it_is_asked_once_and_when_it_is_back(void **state)
 	run_for(5 * SECOND);
 	assert_known();
 	assert_int_equal(asked(), 1);
+	assert_int_equal(bus.identified[0], 1);
 	forget_trace();
 	come_back();
 	assert_int_equal(asked(), 1);
+	assert_int_equal(bus.identified[0], 2);
 	assert_known();
 }
 

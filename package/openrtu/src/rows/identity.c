@@ -77,18 +77,6 @@ static json_t *words(const struct said *said)
 	return json_string(text);
 }
 
-static bool is_same(const struct said *said, const struct modbus_expected *expected)
-{
-	char is[MODBUS_IDENTITY_WORDS], shall[MODBUS_IDENTITY_WORDS];
-	uint8_t text[2 + MODBUS_IDENTITY_TEXT] = {expected->object,
-						  (uint8_t)strnlen(expected->text, MODBUS_IDENTITY_TEXT)};
-
-	memcpy(text + 2, expected->text, text[1]);
-	modbus_identity_text(text, 2u + text[1], expected->object, shall);
-	modbus_identity_text(said->texts, said->size, expected->object, is);
-	return strcmp(is, shall) == 0;
-}
-
 /* Only of one that says something: a device that does not know the function is none that differs. */
 static json_t *differences(const struct map_config *config, uint32_t device, const struct said *said)
 {
@@ -97,7 +85,7 @@ static json_t *differences(const struct map_config *config, uint32_t device, con
 	json_t *names = json_array();
 
 	for (uint32_t i = 0; said->state == MODBUS_IDENTITY_KNOWN && i < count; i++)
-		if (!is_same(said, &expected[i]))
+		if (!modbus_identity_is(said->texts, said->size, expected[i].object, expected[i].text))
 			json_array_append_new(names, json_string(modbus_identity_names[expected[i].object]));
 	return names;
 }

@@ -3,6 +3,7 @@
 
 #include <inttypes.h>
 #include <stdio.h>
+#include <string.h>
 
 #include "map/text.h"
 #include "map/time_ns.h"
@@ -385,6 +386,32 @@ static void say_stranger(void *context, uint32_t device, uint8_t unit, int64_t n
 			results->config->port, unit);
 }
 
+/* Said once, and again when it differs in others: which texts it has, rtuctl lines says. */
+static void say_other_identity(void *context, uint32_t device)
+{
+	struct line_results *results = context;
+	const struct modbus_identity *identity = results->line->devices[device].identity;
+	uint32_t count;
+	const struct modbus_expected *expected =
+	    modbus_expected_of(map_config(results->map), results->config->first_device + device, &count);
+	char names[MODBUS_IDENTITY_OBJECTS * MAP_NAME_SIZE] = "";
+	uint8_t differs = 0;
+
+	for (uint32_t i = 0; i < count; i++) {
+		if (modbus_identity_is(identity->texts, identity->size, expected[i].object, expected[i].text))
+			continue;
+		snprintf(names + strlen(names), sizeof(names) - strlen(names), "%s%s",
+			 differs == 0 ? "" : ", ", modbus_identity_names[expected[i].object]);
+		differs |= (uint8_t)(1u << expected[i].object);
+	}
+	if (differs != 0 && differs != results->news[device].differs)
+		map_log(results->map, MAP_LOG_WARNING,
+			"%s: unit %u on port %u is not what its identification says: %s differ",
+			device_config(results, device)->name, slave_config(results, device)->unit,
+			results->config->port, names);
+	results->news[device].differs = differs;
+}
+
 static void say_misfit(void *context, uint32_t device, size_t length, size_t expected, int64_t now_ns)
 {
 	struct line_results *results = context;
@@ -427,4 +454,5 @@ const struct modbus_events line_results_events = {.read = publish_read,
 						  .kept = say_kept,
 						  .passed = end_passing,
 						  .stranger = say_stranger,
+						  .identified = say_other_identity,
 						  .misfit = say_misfit};

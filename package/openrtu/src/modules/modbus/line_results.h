@@ -18,6 +18,7 @@ struct line_news {
 	bool is_late;     /* its last answer came too late, and that has been said */
 	int16_t stranger; /* who answered for it, which has been said; LINE_NEWS_NOBODY: nobody */
 	bool is_misfit;   /* its last answer had another length, and that has been said */
+	uint8_t differs;  /* bits: the objects in which it is not what it shall be, which has been said */
 	struct map_repeats late, strangers, misfits, pauses, turns;
 	struct map_trouble death;
 	struct map_lines refusals; /* lines about them */
