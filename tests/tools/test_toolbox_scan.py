@@ -287,7 +287,15 @@ def test_nobody_is_there(ends: tuple[Path, Path], scanned: Callable[..., Scanned
 # ---- which template fits ----------------------------------------------------------------------------
 
 
-KNOWN_BY_REGISTERS = ["abb-b23", "datakom-d500", "deif-agc150", "dse-gencomm", "em24-e1", "victron-evcs"]
+KNOWN_BY_REGISTERS = [
+    "abb-b23",
+    "datakom-d500",
+    "deif-agc150",
+    "dse-gencomm",
+    "em24-e1",
+    "sungrow-sh",
+    "victron-evcs",
+]
 TEMPLATES = {template.name: template for template in devices.read(devices.folder())}
 COIL = {"coils": [{"address": 0}]}
 ACME = {"vendor_name": "Acme", "product_code": "P-7"}
