@@ -35,6 +35,7 @@ class ShortQueue(Front):
 
     def excuses(self, history: History, found: list[Violation]) -> list[Violation]:
         """What it counted as lost need not be told. Behind a loss all values are sent, known or not."""
+        found = [one for one in found if not is_gone_with_its_count(history, one)]
         lost = [one for one in found if one.rule == "no event lost"]
         if lost:
             return found if len(lost) > counted(history) else []
@@ -59,6 +60,15 @@ def counted(history: History) -> int:
         whole += told.value - before if told.value >= before else told.value
         before = told.value
     return whole
+
+
+def is_gone_with_its_count(history: History, one: Violation) -> bool:
+    """The gateway ended, with what it had counted, before the centre heard of it again."""
+    heard = [told.at_s for told in history.all_told]
+    ends = [fault.at_s for fault in history.faults if (fault.kind, fault.of) == ("kill", "rtud")]
+    return one.rule == "no event lost" and any(
+        one.at_s < end_s and not any(one.at_s + ENDED_S < at_s < end_s for at_s in heard) for end_s in ends
+    )
 
 
 def losing_times(history: History) -> list[tuple[float, float]]:

@@ -3,6 +3,7 @@
 
 import random
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -67,3 +68,13 @@ def test_the_judge_sees_what_must_not_be(
 ) -> None:
     spoiled = spoiled_copy(away, tmp_path, "consumer", spoil(away.told("consumer")))
     assert rule in {violation.rule for violation in judge(spoiled)}
+
+
+@pytest.mark.parametrize(("ends", "is_lost"), [(False, True), (True, False)])
+def test_what_was_counted_goes_with_the_gateway(away: Run, tmp_path: Path, ends: bool, is_lost: bool) -> None:
+    """Ended long behind what it lost, and before the centre heard of it: as found by seed 2347."""
+    before = [line for line in away.told("consumer") if line["at"] / 1e9 - 1000 < AWAY.at_s]
+    spoiled = spoiled_copy(away, tmp_path, "consumer", before)
+    faults = (AWAY, Fault(160.0, "kill", "rtud")) if ends else (AWAY,)
+    found = judge(replace(spoiled, world=replace(away.world, faults=faults)))
+    assert ("no event lost" in {violation.rule for violation in found}) is is_lost
