@@ -120,7 +120,6 @@ test-offline: build qemu uboot $(TESTED) ## Test: the image of image-offline on 
 test-sanitizers: build .asan $(TESTED) ## Test: the gateway's tests, its modules under AddressSanitizer and UBSan
 	OPENRTU_BUILD=build/asan $(PYTEST) $(UNDER_SANITIZERS)
 
-test-native: WORKERS := 6 # beside the two guests of test-linux, and alone behind them
 test-native: build .compared .asan fuzzers qemu uboot centre-page build/provider/npm.done build/axe/npm.done build/modbus-peers/npm.done $(WHEELING) $(PACKAGING) build/packages-centre.done build/gpsd/done build/chronyd/done build/mibs/done build/exporter/done $(TESTED) ## Test: all of pytest but Linux on the emulated board
 	$(PYTEST) --ignore=tests/linux
 
