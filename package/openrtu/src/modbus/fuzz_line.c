@@ -282,11 +282,16 @@ static void receive(const uint8_t *octets, size_t length)
 	poll_line();
 }
 
+/* Unit, function, a count of one octet, and as much: what a tool asks for need not fit into a frame. */
+#define ANSWER_MAX (3 + UINT8_MAX)
+
 static void receive_text(const uint8_t *body, size_t length)
 {
 	static const char digits[] = "0123456789ABCDEF";
-	uint8_t text[2 * (256 + 1) + 3], lrc = 0;
+	uint8_t text[2 * (ANSWER_MAX + 1) + 3], lrc = 0;
 	size_t at = 0;
+
+	CHECK(length <= ANSWER_MAX);
 
 	text[at++] = ':';
 	for (size_t i = 0; i <= length; i++) {
