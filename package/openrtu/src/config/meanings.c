@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "config/sections.h"
 #include "map/meaning.h"
 #include "map/type.h"
 
@@ -103,33 +104,16 @@ static int by_number(const void *left, const void *right)
 	return (a->number > b->number) - (a->number < b->number);
 }
 
-/* So many more. NULL: there is no memory. */
-static struct map_meaning *make_room(struct map_config *config, size_t more)
-{
-	const uint32_t count = map_record_count(config, MAP_MEANINGS);
-	struct map_meaning *before = map_records(config, MAP_MEANINGS, sizeof(*before));
-	struct map_meaning *meanings = reallocarray(before, count + more, sizeof(*meanings));
-
-	if (meanings == NULL)
-		return NULL;
-	if (before == NULL)
-		map_add_section(config, MAP_MEANINGS, sizeof(*meanings), 0, meanings);
-	else
-		map_move_section(config, MAP_MEANINGS, meanings);
-	return meanings + count;
-}
-
 void config_keep_meanings(struct config_report *report, struct map_config *config, uint32_t point,
 			  const json_t *names)
 {
-	struct map_meaning *first = make_room(config, json_object_size(names));
+	const uint32_t before = map_record_count(config, MAP_MEANINGS);
+	struct map_meaning *meanings;
 	const char *key;
 	json_t *text;
 
-	if (first == NULL) {
-		config_out_of_memory(report);
+	if (!config_make_room(report, config, MAP_MEANINGS, sizeof(*meanings), json_object_size(names)))
 		return;
-	}
 	json_object_foreach((json_t *)names, key, text)
 	{
 		struct map_meaning *meaning = map_next_record(config, MAP_MEANINGS);
@@ -137,5 +121,6 @@ void config_keep_meanings(struct config_report *report, struct map_config *confi
 		*meaning = (struct map_meaning){.point = point, .number = (int32_t)strtol(key, NULL, 10)};
 		snprintf(meaning->text, sizeof(meaning->text), "%s", json_string_value(text));
 	}
-	qsort(first, json_object_size(names), sizeof(*first), by_number);
+	meanings = map_records(config, MAP_MEANINGS, sizeof(*meanings));
+	qsort(meanings + before, json_object_size(names), sizeof(*meanings), by_number);
 }

@@ -3,10 +3,9 @@
  * What a device is known by: the objects of its identification, which the gateway compares, and registers with values that others
  * do not have there, which `openrtu scan` compares: the gateway reads none of them for this.
  */
+#include "config/sections.h"
 #include "modbus/config_object.h"
 #include "modbus/config_part.h"
-
-#include <stdlib.h>
 
 #define VALUES_MAX         32 /* that one register may have */
 #define REGISTERS_MAX      16
@@ -53,22 +52,6 @@ const struct config_inside modbus_identification_inside = {.rules = identificati
 							   .count = IDENTIFICATION_KEYS};
 CONFIG_SHARED_TABLE(modbus_identification_table, .name = "identification", .rules = identification_rules,
 		    .count = IDENTIFICATION_KEYS);
-
-/* So many more. False: there is no memory. */
-static bool make_room_for_expected(struct map_config *config, size_t more)
-{
-	const uint32_t count = map_record_count(config, MODBUS_EXPECTED);
-	struct modbus_expected *before = map_records(config, MODBUS_EXPECTED, sizeof(*before));
-	struct modbus_expected *records = reallocarray(before, count + more, sizeof(*records));
-
-	if (records == NULL)
-		return false;
-	if (before == NULL)
-		map_add_section(config, MODBUS_EXPECTED, sizeof(*records), 0, records);
-	else
-		map_move_section(config, MODBUS_EXPECTED, records);
-	return true;
-}
 
 /* UTF-8 of what Latin-1 has, as Latin-1. False: it has others. */
 static bool as_latin(const char *text, char out[MODBUS_IDENTITY_TEXT + 1])
@@ -137,10 +120,10 @@ void modbus_read_identification(struct modbus_loader *loader, const struct confi
 	struct config_value values[IDENTIFICATION_KEYS];
 
 	config_read_keys(loader->report, &here, json, identification_rules, IDENTIFICATION_KEYS, values);
-	if (modbus_says_objects(json) && !make_room_for_expected(loader->config, MODBUS_IDENTITY_OBJECTS)) {
-		config_out_of_memory(loader->report);
+	if (modbus_says_objects(json) &&
+	    !config_make_room(loader->report, loader->config, MODBUS_EXPECTED, sizeof(struct modbus_expected),
+			      MODBUS_IDENTITY_OBJECTS))
 		return;
-	}
 	for (uint8_t i = 0; i < MODBUS_IDENTITY_OBJECTS; i++)
 		if (values[i].given)
 			keep_object(loader, &here, i, values[i].text);

@@ -292,7 +292,6 @@ static void receive_text(const uint8_t *body, size_t length)
 	size_t at = 0;
 
 	CHECK(length <= ANSWER_MAX);
-
 	text[at++] = ':';
 	for (size_t i = 0; i <= length; i++) {
 		const uint8_t octet = i < length ? body[i] : (uint8_t)(0u - lrc);

@@ -3,6 +3,8 @@
 #include "map/time_ns.h"
 #include "modbus/line_parts.h"
 
+#define READ_HEAD 3 /* of a read's answer, before the data: unit, function, their count */
+
 /* A command's fate must be known, and a read that was not answered before is given up when it is not again. */
 static int64_t timeout_of(const struct modbus_line *line, const struct modbus_device *device)
 {
@@ -207,7 +209,7 @@ void modbus_request_answered(struct modbus_line *line, const uint8_t *body, bool
 	else if (line->purpose == MODBUS_CHOOSE && !unreachable)
 		page_answered(line, is_exception, exception, now_ns);
 	else if (line->purpose == MODBUS_SCAN && !is_exception)
-		read_answered(line, body + 3, now_ns);
+		read_answered(line, body + READ_HEAD, now_ns);
 	else if (line->purpose == MODBUS_SCAN && !unreachable)
 		read_refused(line, exception, now_ns);
 	if (unreachable && line->purpose == MODBUS_IDENTIFY)
@@ -265,15 +267,13 @@ void modbus_tell_late(struct modbus_line *line, uint32_t index, int64_t sent_ns,
 	modbus_pause_was_late(&device->pause);
 }
 
-#define DATA 3 /* of a read's answer, behind unit, function and their count */
-
 static void tell_misfit(struct modbus_line *line, const uint8_t *body, size_t length, int64_t now_ns)
 {
 	const struct modbus_request *request = &line->request;
 
 	if (body[0] == request->unit && body[1] == request->function && modbus_is_read(request->function) &&
-	    length > DATA && line->events->misfit != NULL)
-		line->events->misfit(line->context, line->device, length - DATA,
+	    length > READ_HEAD && line->events->misfit != NULL)
+		line->events->misfit(line->context, line->device, length - READ_HEAD,
 				     modbus_read_bytes(request->function, request->count), now_ns);
 }
 
